@@ -1,0 +1,89 @@
+# Everything runs either on DOLFINx's wheel, in .venv (needs a Python >= 3.12, which is searched
+# for), or on Debian's DOLFINx with the system's Python, where nothing is installed.
+# DOLFINX=wheel or DOLFINX=apt forces one, ARGS="..." is handed on:  make test ARGS="-k mapping"
+.DEFAULT_GOAL := help
+MAKEFLAGS += --no-print-directory
+
+SYSTEM_PYTHON ?= /usr/bin/python3
+export SYSTEM_PYTHON
+STAMP := .venv/.stamp
+ARGS ?=
+
+# One thread per process: the parallelism is MPI's, and runs are then repeatable.
+export OMP_NUM_THREADS := 1
+# Open MPI (Debian's) refuses more processes than cores, and to run as root, unless told.
+export OMPI_MCA_rmaps_base_oversubscribe := 1
+ifeq ($(shell id -u),0)
+export OMPI_ALLOW_RUN_AS_ROOT := 1
+export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
+endif
+
+# The search for a Python takes a moment, so it is made only for goals that use the answer.
+ifneq ($(filter setup demo test validate bench lint,$(MAKECMDGOALS)),)
+ifndef DOLFINX
+DOLFINX := $(shell PYTHON="$(PYTHON)" sh scripts/setup.sh mode)
+endif
+ifeq ($(filter wheel apt,$(DOLFINX)),)
+$(error DOLFINX must be wheel or apt, not '$(DOLFINX)')
+endif
+endif
+
+# The folder of the interpreter goes first on PATH, so that mpiexec is the one of its mpi4py.
+# In .venv no other PYTHONPATH is let in: it could bring another DOLFINx.
+ifeq ($(DOLFINX),wheel)
+READY := $(STAMP)
+PY = env PATH="$(CURDIR)/.venv/bin:$$PATH" PYTHONPATH="$(CURDIR)" "$(CURDIR)/.venv/bin/python"
+RUFF = .venv/bin/ruff
+else
+READY := check-apt
+PY = env PATH="$(dir $(SYSTEM_PYTHON)):$$PATH" PYTHONNOUSERSITE=1 \
+	PYTHONPATH="$(CURDIR)$${PYTHONPATH:+:$$PYTHONPATH}" "$(SYSTEM_PYTHON)"
+RUFF = ruff
+endif
+
+.PHONY: help setup demo test test-apt validate bench lint check-apt clean distclean
+
+help: ## list the targets
+	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
+	@echo
+	@echo '  DOLFINX=wheel|apt forces .venv or Debian'"'"'s packages; PYTHON=... names the Python of .venv;'
+	@echo '  ARGS="..." goes to the command that is run, as in: make test ARGS="-x -k mapping"'
+
+setup: $(READY) ## build .venv, or check Debian's packages where there is no Python >= 3.12
+	@echo "Ready, on DOLFINx from: $(DOLFINX)"
+
+demo: $(READY) ## run demos/column.py
+	@$(PY) demos/column.py $(ARGS)
+
+test: $(READY) ## run the tests
+	@$(PY) -m pytest $(ARGS)
+
+test-apt: ## run the tests on Debian's DOLFINx, with /usr/bin/python3
+	@$(MAKE) test DOLFINX=apt
+
+validate: $(READY) ## run the long cases with exact or published answers
+	@$(PY) -m pytest -m validation tests/validation $(ARGS)
+
+bench: $(READY) ## run the timings in benchmarks/
+ifneq ($(DOLFINX),wheel)
+	@sh scripts/setup.sh check-apt pytest_benchmark
+endif
+	@$(PY) -m pytest -m benchmark benchmarks $(ARGS)
+
+lint: $(filter $(STAMP),$(READY)) ## check the style with ruff
+	@command -v $(RUFF) >/dev/null || { echo "ruff is not on PATH: pip install ruff, or pipx install ruff" >&2; exit 1; }
+	@$(RUFF) check $(ARGS) .
+
+$(STAMP): pyproject.toml
+	@sh scripts/setup.sh wheel
+
+check-apt:
+	@sh scripts/setup.sh check-apt
+
+clean: ## remove caches, build leftovers and snapshots in results/
+	rm -rf build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .benchmarks
+	find . -name .venv -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
+	rm -rf results/*.vtu results/*.pvtu results/*.pvd results/*.xdmf results/*.h5 results/checkpoints
+
+distclean: clean ## the same, and remove .venv
+	rm -rf .venv .venv-lint
