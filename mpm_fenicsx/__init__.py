@@ -1,0 +1,19 @@
+"""Implicit material point method on DOLFINx grids, with boundaries that absorb waves."""
+
+from mpi4py import MPI as _MPI  # noqa: F401  before dolfinx: it loads the MPI library of the wheel
+
+from .finite_elements import FiniteElements
+from .grid import Grid
+from .mapping import CMPM, DM, DM_C, DM_G, DM_GC, GIMP, MAPPINGS, MPM, Mapping
+from .materials import LinearElastic
+from .points import MaterialPoints, SurfacePoints
+from .run import RunError
+from .simulation import Simulation, flip, trapezoidal
+from .terms import Fixed, Gravity, Traction, Viscoelastic, Viscous
+from .time_stepping import Newmark, QuasiStatic
+
+__all__ = [
+    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "FiniteElements", "Fixed", "Gravity", "Grid",
+    "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "QuasiStatic", "RunError", "Simulation",
+    "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "flip", "trapezoidal",
+]

@@ -1,0 +1,107 @@
+"""The names that differ between DOLFINx 0.5 (Debian) and 0.11 (wheel), and nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from mpi4py import MPI  # before dolfinx: the wheel's dolfinx finds its MPI through it
+
+import dolfinx
+import dolfinx.fem.petsc
+import numpy as np
+import ufl
+from dolfinx import fem, graph, la
+
+version = dolfinx.__version__
+_recent = hasattr(fem, "functionspace")
+_SHAPES = {2: "quadrilateral", 3: "hexahedron"}
+_JIT = {"cffi_extra_compile_args": ["-O3", "-march=native"]}
+_ADD = la.InsertMode.add if _recent else la.ScatterMode.add
+
+
+def space(mesh, family: str, degree: int, shape: tuple[int, ...] = ()):
+    """Function space on ``mesh``; "Lagrange", or "DQ" for the discontinuous one on quadrilaterals."""
+    if _recent:
+        return fem.functionspace(mesh, (family, degree, shape) if shape else (family, degree))
+    if shape:
+        return fem.VectorFunctionSpace(mesh, (family, degree), dim=shape[0])
+    return fem.FunctionSpace(mesh, (family, degree))
+
+
+def cell_dofs(V) -> np.ndarray:
+    """Blocked dofs of each local and ghost cell (cells, dofs per cell)."""
+    mesh_cells = V.mesh.topology.index_map(V.mesh.topology.dim)
+    table = V.dofmap.list if _recent else V.dofmap.list.array
+    return np.asarray(table, dtype=np.int32).reshape(mesh_cells.size_local + mesh_cells.num_ghosts, -1)
+
+
+def cell_vertices(mesh) -> np.ndarray:
+    """Geometry nodes of each local and ghost cell (cells, 2^dim)."""
+    table = mesh.geometry.dofmap if _recent else mesh.geometry.dofmap.array
+    return np.asarray(table, dtype=np.int32).reshape(-1, 2**mesh.topology.dim)
+
+
+def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callable):
+    """Mesh of quadrilaterals or hexahedra, distributed as told.
+
+    ``x`` (points, dim) and ``cells`` (cells, 2^dim), vertices in tensor order, are given on rank 0 and empty
+    elsewhere; ``owners(ranks)`` returns offsets and, for every cell, its owner and then its ghosts' ranks.
+    """
+    dim = x.shape[1]
+
+    def partitioner(_comm, ranks, *_):
+        offsets, destinations = owners(ranks)
+        offsets, destinations = offsets.astype(np.int32), destinations.astype(np.int32)
+        if _recent:
+            return graph.adjacencylist(destinations, offsets)._cpp_object
+        return graph.create_adjacencylist(destinations, offsets)
+
+    if _recent:
+        import basix.ufl
+
+        element = basix.ufl.element("Lagrange", _SHAPES[dim], 1, shape=(dim,))
+        return dolfinx.mesh.create_mesh(comm, cells, element, x, partitioner)
+    domain = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.Cell(_SHAPES[dim], dim), 1))
+    return dolfinx.mesh.create_mesh(comm, cells, x, domain, dolfinx.mesh.GhostMode.shared_facet, partitioner)
+
+
+def compile_form(form):
+    """A compiled form, or None for the empty sum of terms."""
+    if form is None or (isinstance(form, (int, float)) and form == 0) or form.empty():
+        return None
+    options = {"jit_options" if _recent else "jit_params": _JIT}
+    return fem.form(form, **options)
+
+
+def gather(f: fem.Function) -> None:
+    """Add what ghosts hold to their owners, then give owners' values to the ghosts."""
+    if f.function_space.mesh.comm.size > 1:
+        f.x.scatter_reverse(_ADD)
+        f.x.scatter_forward()
+
+
+def gather_to_owner(f: fem.Function) -> None:
+    """Add what ghosts hold to their owners."""
+    if f.function_space.mesh.comm.size > 1:
+        f.x.scatter_reverse(_ADD)
+
+
+def share(f: fem.Function) -> None:
+    """Give owners' values to the ghosts."""
+    if f.function_space.mesh.comm.size > 1:
+        f.x.scatter_forward()
+
+
+def create_matrix(form):
+    """PETSc matrix with the sparsity of ``form``."""
+    return fem.petsc.create_matrix(form)
+
+
+def assemble_matrix(A, form, bcs) -> None:
+    """Add the form to A, rows and columns of ``bcs`` left empty but for a unit diagonal."""
+    fem.petsc.assemble_matrix(A, form, bcs=bcs)
+
+
+def assemble_vector(b: fem.Function, form) -> None:
+    """Add the form to the local and ghost values of b."""
+    fem.assemble_vector(b.x.array, form)

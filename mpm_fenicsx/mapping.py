@@ -1,0 +1,37 @@
+"""How points and grid talk: deposit × integrate × recover."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .projection import AT_POINTS, DOUBLE_MAPPED, Integration
+
+
+@dataclass(frozen=True)
+class Mapping:
+    """A material point method.
+
+    ``support``: points deposit with shape functions averaged over their support domains (GIMP; within each cell
+    the local S*_ip of DM-G), else with linear ones; ``integrate``: mass and stiffness are summed at the points or
+    double-mapped to the Gauss points (eq. 7); ``composite``: strain is recovered from the composite patch (CMPM),
+    else with the gradients of the deposit.
+    """
+
+    name: str
+    support: bool
+    integrate: Integration
+    composite: bool
+
+    def __str__(self) -> str:
+        return self.name
+
+
+MPM = Mapping("MPM", False, AT_POINTS, False)
+GIMP = Mapping("GIMP", True, AT_POINTS, False)
+CMPM = Mapping("CMPM", False, AT_POINTS, True)
+DM = Mapping("DM", False, DOUBLE_MAPPED, False)
+DM_G = Mapping("DM-G", True, DOUBLE_MAPPED, False)
+DM_C = Mapping("DM-C", False, DOUBLE_MAPPED, True)
+DM_GC = Mapping("DM-GC", True, DOUBLE_MAPPED, True)
+
+MAPPINGS = (MPM, GIMP, CMPM, DM, DM_G, DM_C, DM_GC)

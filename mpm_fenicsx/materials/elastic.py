@@ -1,0 +1,60 @@
+"""Linear isotropic elasticity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checks import between, positive
+
+
+@dataclass(frozen=True)
+class LinearElastic:
+    """Linear isotropic elastic soil.
+
+    Parameters: ``young`` E (Pa), ``poisson`` ν (-1 < ν < 0.5), ``density`` ρ (kg/m³).
+    Raises ``ValueError`` naming the parameter that is out of range.
+    """
+
+    young: float
+    poisson: float
+    density: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "young", positive("young", self.young))
+        object.__setattr__(self, "poisson", between("poisson", self.poisson, -1.0, 0.5))
+        object.__setattr__(self, "density", positive("density", self.density))
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lamé's λ and μ (Pa)."""
+        E, ν = self.young, self.poisson
+        return E * ν / ((1 + ν) * (1 - 2 * ν)), E / (2 * (1 + ν))
+
+    @property
+    def p_speed(self) -> float:
+        """Speed of compression waves c_p (m/s)."""
+        λ, μ = self.lame
+        return float(np.sqrt((λ + 2 * μ) / self.density))
+
+    @property
+    def s_speed(self) -> float:
+        """Speed of shear waves c_s (m/s)."""
+        return float(np.sqrt(self.lame[1] / self.density))
+
+    def update(self, strain: np.ndarray, stress: np.ndarray) -> np.ndarray:
+        """Stress rows (n, components), Pa, after the strain increments ``strain`` (n, components)."""
+        λ, μ = self.lame
+        new = stress.copy()
+        new[:, :3] += 2 * μ * strain[:, :3] + λ * strain[:, :3].sum(axis=1, keepdims=True)
+        new[:, 3:] += μ * strain[:, 3:]
+        return new
+
+    def energy(self, stress: np.ndarray) -> np.ndarray:
+        """Elastic energy per volume ½ σ : C⁻¹ : σ (n,), J/m³, of stress rows (n, components)."""
+        E, ν = self.young, self.poisson
+        normal = (stress[:, :3] ** 2).sum(axis=1)
+        trace = stress[:, :3].sum(axis=1)
+        shear = (stress[:, 3:] ** 2).sum(axis=1)
+        return ((1 + ν) * (normal + 2 * shear) - ν * trace**2) / (2 * E)

@@ -1,0 +1,57 @@
+"""The motion of one step on the grid, as fields and as UFL expressions."""
+
+from __future__ import annotations
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from . import fenicsx
+from .grid import Grid
+from .time_stepping import Newmark, QuasiStatic
+
+
+class Motion:
+    """Displacement increment ``u`` of the step and, in dynamics, velocity ``v`` and acceleration ``a`` before it.
+
+    ``velocity`` and ``acceleration`` are the expressions at the end of the step, affine in u; their factors are
+    constants, so that a new time step compiles nothing.
+    """
+
+    def __init__(self, grid: Grid, stepping: Newmark | QuasiStatic):
+        self.grid, self.stepping = grid, stepping
+        self.u = fem.Function(grid.space, name="displacement")
+        self.w = ufl.TestFunction(grid.space)
+        if stepping.dynamic:
+            self.v = fem.Function(grid.space, name="velocity")
+            self.a = fem.Function(grid.space, name="acceleration")
+            self._factors = [fem.Constant(grid.mesh, np.zeros(3)) for _ in range(2)]
+            self.dt = fem.Constant(grid.mesh, np.array(0.0))
+            self.use(stepping)
+            fields = (self.u, self.v, self.a)
+            self.velocity, self.acceleration = (sum(c[i] * f for i, f in enumerate(fields)) for c in self._factors)
+
+    def use(self, stepping: Newmark) -> None:
+        """Take the factors of another time step."""
+        self.stepping = stepping
+        self._factors[0].value[:] = stepping.velocity
+        self._factors[1].value[:] = stepping.acceleration
+        self.dt.value = np.array(stepping.dt)
+
+    def nodal(self, f: fem.Function) -> np.ndarray:
+        """Values of a vector field, a view (nodes, dim)."""
+        return f.x.array.reshape(-1, self.grid.dim)
+
+    def end(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodal velocity and acceleration (nodes, dim) at the end of the step."""
+        u, v, a = self.nodal(self.u), self.nodal(self.v), self.nodal(self.a)
+        c, d = self.stepping.velocity, self.stepping.acceleration
+        return c[0] * u + c[1] * v + c[2] * a, d[0] * u + d[1] * v + d[2] * a
+
+    def clear(self) -> None:
+        """Start a step: no displacement yet."""
+        self.u.x.array[:] = 0.0
+
+    def share(self) -> None:
+        """Give the increment to the ghosts."""
+        fenicsx.share(self.u)

@@ -1,0 +1,180 @@
+"""Material points, and the surface points that lie on a body's edge and move with it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import tensors
+from .checks import finite, one_of, whole
+from .kernels import digits
+from .lattice import SIDES
+
+
+@dataclass
+class SurfacePoints:
+    """Points without thickness on a surface: ``x`` (n, dim), m; outward unit ``normal`` (n, dim);
+    ``area`` (n,), m² (m per metre in plane strain).
+
+    Raises ``ValueError`` for arrays that do not fit, a normal that is not a unit vector, or an area <= 0.
+    """
+
+    x: np.ndarray
+    normal: np.ndarray
+    area: np.ndarray
+    displacement: np.ndarray | None = None  # since the start; only where a spring asks for it
+
+    def __post_init__(self) -> None:
+        self.x, self.normal, self.area = (np.array(v, float) for v in (self.x, self.normal, self.area))
+        if self.x.ndim != 2 or self.normal.shape != self.x.shape or self.area.shape != self.x.shape[:1]:
+            raise ValueError(f"surface points need x (n, dim), normal (n, dim), area (n,), got "
+                             f"{self.x.shape}, {self.normal.shape}, {self.area.shape}")
+        length = np.linalg.norm(self.normal, axis=1)
+        if np.abs(length - 1.0).max(initial=0.0) > 1e-9:
+            raise ValueError(f"normal must be a unit vector, got one of length {length[np.argmax(abs(length - 1))]}")
+        if (self.area <= 0.0).any():
+            raise ValueError(f"area must be positive, got {self.area.min()}")
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    def follow(self, u: np.ndarray, gradient: np.ndarray) -> None:
+        """Move by displacement increments u (n, dim) with gradients (n, dim, dim): n dA = J F⁻ᵀ N dA₀ (Nanson)."""
+        self.x += u
+        if self.displacement is not None:
+            self.displacement += u
+        F = np.eye(self.x.shape[1]) + gradient
+        turned = np.linalg.det(F)[:, None] * np.linalg.solve(F.transpose(0, 2, 1), self.normal[..., None])[..., 0]
+        stretch = np.linalg.norm(turned, axis=1)
+        self.area *= stretch
+        self.normal = turned / stretch[:, None]
+
+
+@dataclass
+class MaterialPoints:
+    """Material points of one body.
+
+    ``x`` (n, dim), m; ``half`` (n, dim), m: half the support domain; ``volume`` (n,), m³; ``mass`` (n,), kg;
+    ``stress`` (n, components), Pa (see ``tensors``).  ``velocity`` and ``acceleration`` (n, dim) exist in dynamic
+    scenes only.  Make them with ``fill``; raises ``ValueError`` for arrays that do not fit or are not finite.
+    """
+
+    material: object
+    x: np.ndarray
+    half: np.ndarray
+    volume: np.ndarray
+    stress: np.ndarray | None = None
+    velocity: np.ndarray | None = None
+    acceleration: np.ndarray | None = None
+    exposed: np.ndarray | None = None  # (n, dim, 2): faces of the support domain on the body's edge
+    mass: np.ndarray = field(init=False)
+
+    def __post_init__(self) -> None:
+        for name in ("x", "half", "volume"):
+            value = np.array(getattr(self, name), float)
+            if not np.isfinite(value).all():
+                raise ValueError(f"{name} must be finite, got {value[~np.isfinite(value)][0]}")
+            setattr(self, name, value)
+        n, dim = self.x.shape
+        if self.half.shape != (n, dim) or self.volume.shape != (n,):
+            raise ValueError(f"half and volume do not fit x {self.x.shape}: {self.half.shape}, {self.volume.shape}")
+        if (self.volume <= 0).any() or (self.half <= 0).any():
+            raise ValueError("volume and half must be positive")
+        if self.stress is None:
+            self.stress = np.zeros((n, tensors.components(dim)))
+        self.mass = self.material.density * self.volume
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+    @property
+    def dim(self) -> int:
+        """Space dimension."""
+        return self.x.shape[1]
+
+    @classmethod
+    def fill(cls, grid, material, per_cell: int, inside: Callable[[np.ndarray], np.ndarray] | None = None,
+             jitter: float = 0.0, seed: int = 0) -> MaterialPoints:
+        """Fill the cells of a grid with ``per_cell`` = k^dim evenly placed points each.
+
+        ``inside`` maps x (dim, n), m, to bool (n,) and keeps the points of the body; ``jitter`` < 0.5 moves points
+        at random by up to that fraction of their spacing.  Raises ``ValueError`` for a body without points, a
+        ``per_cell`` that is no k^dim, or an ``inside`` of the wrong shape.
+        """
+        dim = grid.dim
+        whole("per_cell", per_cell)
+        k = round(per_cell ** (1 / dim))
+        if k**dim != per_cell:
+            raise ValueError(f"per_cell must be a {'square' if dim == 2 else 'cube'} of a whole number, got {per_cell}")
+        if not 0.0 <= finite("jitter", jitter) < 0.5:
+            raise ValueError(f"jitter must lie in [0, 0.5), got {jitter}")
+        lattice = grid.lattice
+        lower = lattice.lower[: grid.owned_cells]
+        spacing = (lattice.upper[: grid.owned_cells] - lower) / k
+        seat = lower[:, None] + (digits(k, dim) + 0.5) * spacing[:, None]
+        half = np.repeat(spacing / 2, per_cell, axis=0)
+        x = seat.reshape(-1, dim)
+
+        def body(y: np.ndarray) -> np.ndarray:
+            in_grid = ((y > grid.lower_corner) & (y < grid.upper_corner)).all(axis=1)
+            if inside is None:
+                return in_grid
+            answer = np.asarray(inside(y.T))
+            if answer.shape != (len(y),):
+                raise ValueError(f"inside must map (dim, n) to (n,), gave {answer.shape} for n={len(y)}")
+            return in_grid & answer.astype(bool)
+
+        keep = body(x)
+        x, half = x[keep], half[keep]
+        if not grid.comm.allreduce(len(x)):
+            raise ValueError("inside leaves a body without material points")
+        exposed = np.zeros((len(x), dim, 2), dtype=bool)
+        for d in range(dim):
+            for end in range(2):
+                step = np.zeros(dim)
+                step[d] = 2 * (2 * end - 1)
+                exposed[:, d, end] = ~body(x + step * half)
+        if jitter:
+            rng = np.random.default_rng([seed, grid.comm.rank])
+            x = x + rng.uniform(-jitter, jitter, x.shape) * 2 * half
+        return cls(material, x, half, (2 * half).prod(axis=1), exposed=exposed)
+
+    def deform(self, u: np.ndarray, gradient: np.ndarray, smooth: np.ndarray) -> None:
+        """Move by displacement increments u (n, dim); stretch with displacement gradients (n, dim, dim).
+
+        The volume follows ``gradient``; support domains follow ``smooth``, whose mean over neighbouring domains
+        leaves neither gap nor overlap between them.  Raises ``ValueError`` naming a point that turns inside out.
+        """
+        self.x += u
+        J = np.linalg.det(np.eye(self.dim) + gradient)
+        stretch = 1.0 + np.einsum("nii->ni", smooth)
+        if not (J.min(initial=1.0) > 0.0 and stretch.min(initial=1.0) > 0.0):
+            p = int(np.argmin(np.where(np.isfinite(J), np.minimum(J, stretch.min(axis=1)), -np.inf)))
+            raise ValueError(f"material point {p} at x={self.x[p]} turns inside out: det F = {J[p]:.3g} in the step")
+        self.volume *= J
+        self.half *= stretch
+
+    def surface(self, side: str, where: Callable[[np.ndarray], np.ndarray] | None = None) -> SurfacePoints:
+        """Surface points on the faces of support domains that form the body's edge on one side.
+
+        ``side``: left, right, bottom, top, back or front, the way the outward normal points; ``where`` maps face
+        centres (dim, n) to bool (n,) and keeps a part.  Each face carries Gauss points, so that its integrals are
+        exact for quadratics.  Raises ``ValueError`` for a side that is not known or has no face.
+        """
+        d, end = SIDES[one_of("side", side, list(SIDES)[: 2 * self.dim])]
+        if self.exposed is None:
+            raise ValueError("surface needs points made by fill; give SurfacePoints(x, normal, area) instead")
+        rows = np.flatnonzero(self.exposed[:, d, end])
+        normal = np.zeros(self.dim)
+        normal[d] = 2 * end - 1
+        x, half = self.x[rows] + normal * self.half[rows], self.half[rows]
+        if where is not None:
+            keep = np.asarray(where(x.T), dtype=bool)
+            x, half = x[keep], half[keep]
+        area = (2 * np.delete(half, d, axis=1)).prod(axis=1)
+        gauss = (2 * digits(2, self.dim - 1) - 1) / np.sqrt(3)
+        gauss = np.insert(gauss, d, 0.0, axis=1)
+        place = (x[:, None] + gauss * half[:, None]).reshape(-1, self.dim)
+        return SurfacePoints(place, np.broadcast_to(normal, place.shape), np.repeat(area / len(gauss), len(gauss)))

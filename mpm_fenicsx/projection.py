@@ -1,0 +1,76 @@
+"""From a measure carried by points to a discontinuous field on the grid.
+
+Both ways below write, for every cell c and node k of it,
+
+    q_ck = Σ_p V_p q_p / |c| · ψ_k averaged over the part of p's support domain that lies in c
+
+and differ in the functions ψ only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+
+from . import fenicsx, kernels
+from .grid import Grid
+from .shapes import Stencil
+
+
+@dataclass(frozen=True, eq=False)
+class Integration:
+    """Where the integrals of mass and stiffness are taken.
+
+    ``degree`` of the discontinuous space; ``dual`` (k, k) coefficients of ψ_k in powers of ξ, direction by
+    direction; ``quadrature`` degree that makes the forms' integrals exact.
+    """
+
+    name: str
+    degree: int
+    dual: np.ndarray
+    quadrature: int
+
+
+def _moments() -> np.ndarray:
+    """ψ = M⁻¹ g for the quadratics g through 0, ½, 1 with mass matrix M: then ∫ q_h g = Σ_p V_p q_p g(x_p)."""
+    g = np.array([[1.0, -3.0, 2.0], [0.0, 4.0, -4.0], [0.0, -1.0, 2.0]])
+    powers = 1.0 / (np.arange(3)[:, None] + np.arange(3) + 1.0)
+    return np.linalg.solve(g @ powers @ g.T, g)
+
+
+AT_POINTS = Integration("points", 2, _moments(), 5)
+"""Point sums, exact: every product of two linear functions is a quadratic."""
+
+DOUBLE_MAPPED = Integration("Gauss points", 1, 2.0 * np.array([[1.0, -1.0], [0.0, 1.0]]), 3)
+"""Double mapping, eq. (7): ψ_k = N_k / m_k, m_k the integral of N_k over the reference cell."""
+
+
+class Projection:
+    """Projects ``fields`` values a point at once to as many discontinuous fields."""
+
+    def __init__(self, grid: Grid, integration: Integration, fields: int):
+        self.grid, self.integration = grid, integration
+        V = fenicsx.space(grid.mesh, "DQ", integration.degree)
+        self.fields = [fem.Function(V) for _ in range(fields)]
+        self.dofs = grid.tensor_order(V, integration.degree)
+        self._table = kernels.digits(integration.degree + 1, grid.dim)
+        self._corners = kernels.digits(2, grid.dim)
+        self._sums = np.zeros((len(self.fields[0].x.array) if fields else 0, fields))
+
+    def clear(self) -> None:
+        """Forget what was added."""
+        self._sums[:] = 0.0
+
+    def add(self, stencil: Stencil, values: np.ndarray) -> None:
+        """Add volume-weighted values V_p q_p (n, fields) of the points of a stencil."""
+        lat = self.grid.lattice
+        kernels.project(stencil.side, stencil.span, stencil.share, stencil.cell, lat.volume, lat.neighbour,
+                        self.integration.dual, self._corners, self._table, self.dofs, values, self._sums)
+
+    def finish(self) -> None:
+        """Set the fields to the sums, over all ranks."""
+        for k, f in enumerate(self.fields):
+            f.x.array[:] = self._sums[:, k]
+            fenicsx.gather(f)

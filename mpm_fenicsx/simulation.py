@@ -1,0 +1,156 @@
+"""The material point run: locate, project, solve, carry, record."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from dolfinx import fem
+
+from . import fenicsx, tensors
+from .composite import Composite
+from .equilibrium import Equilibrium
+from .grid import Grid
+from .mapping import DM_GC
+from .mapping import Mapping as PointMapping
+from .motion import Motion
+from .points import MaterialPoints
+from .projection import Projection
+from .run import Run, RunError
+from .scene import Scene
+from .shapes import Stencil
+from .terms import elasticity, inertia
+from .time_stepping import Newmark, QuasiStatic
+
+
+def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, dt: float) -> None:
+    """Points carry their acceleration: v += Δt/2 (a + a₁(x_p)), then a = a₁(x_p)."""
+    a_end = at_points(after[1])
+    v += 0.5 * dt * (a + a_end)
+    a[:] = a_end
+
+
+def flip(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, dt: float) -> None:
+    """Points take the grid's change of velocity: v += (v₁ − v₀)(x_p), and its acceleration."""
+    v += at_points(after[0] - before[0])
+    a[:] = at_points(after[1])
+
+
+class Simulation(Run):
+    """Implicit material point run on a background grid.
+
+    ``points``: one body or several; ``stepping``: Newmark or QuasiStatic; ``terms``: boundaries and loads;
+    ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take velocities from the grid;
+    ``solver``: PETSc options.  Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
+    """
+
+    def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
+                 terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
+                 solver: Mapping[str, object] | None = None):
+        self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
+        super().__init__(mapping.name, grid, stepping)
+        self.mapping, self.transfer = mapping, transfer
+        motion = self.motion = Motion(grid, stepping)
+        self.cells = [self._locate_first(body) for body in self.bodies]
+        self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
+        self.composite = Composite(grid) if mapping.composite else None
+        self.projection = Projection(grid, mapping.integrate, 3)
+        density, λ, μ = self.projection.fields
+        dx = grid.dx(metadata={"quadrature_degree": mapping.integrate.quadrature})
+        scene = self.scene = Scene(grid, motion, density, dx)
+        internal = [elasticity(scene, λ, μ)] + ([inertia(scene)] if stepping.dynamic else [])
+        self.contributions = internal + [term.bind(scene) for term in terms]
+        self.equilibrium = Equilibrium(motion, sum(c.work for c in self.contributions), scene.fixed, solver)
+        self._internal = np.zeros((grid.nodes, grid.dim))
+        if stepping.dynamic:
+            self._deposit = fem.Function(fenicsx.space(grid.mesh, "Lagrange", 1, (1 + 2 * grid.dim,)))
+            for body in self.bodies:
+                for name in ("velocity", "acceleration"):
+                    value = getattr(body, name)
+                    setattr(body, name, np.zeros_like(body.x) if value is None else np.array(value, float))
+
+    # -- the step -----------------------------------------------------------------------------------------------
+
+    def step(self) -> None:
+        """One step of length ``stepping.dt``.  Raises ``RunError`` naming step and time; what is recorded stays."""
+        with self.reported():
+            self.locate()
+            self.project()
+            self.predict()
+            self.solve()
+            self.carry()
+        self.finish()
+
+    def locate(self) -> None:
+        """Cell, weights and gradients of every point."""
+        filled = np.zeros(self.grid.cells, dtype=np.int8)
+        for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
+            self.grid.walk(body.x, cell)
+            lost = np.flatnonzero((cell < 0) | (cell >= self.grid.owned_cells))
+            if len(lost):
+                where = "outside the grid" if cell[lost[0]] < 0 else "on another rank, which is not supported yet"
+                raise RunError(f"material point {lost[0]} at x={body.x[lost[0]]} lies {where}")
+            stencil.place(body.x, body.half, cell)
+            filled[cell] = 1
+        if self.composite:
+            self.composite.place(self.grid.share_cells(filled))
+
+    def project(self) -> None:
+        """Density and Lamé's constants of the points onto the grid's discontinuous fields."""
+        self.projection.clear()
+        for body, stencil in zip(self.bodies, self.stencils, strict=True):
+            λ, μ = body.material.lame
+            self.projection.add(stencil, np.stack((body.mass, body.volume * λ, body.volume * μ), axis=1))
+        self.projection.finish()
+        self.scene.prepare(self.time, self.next_time)
+
+    def predict(self) -> None:
+        """Nodal velocity and acceleration by deposit and division by nodal mass."""
+        if not self.stepping.dynamic:
+            return
+        dim = self.grid.dim
+        nodal = self._deposit.x.array.reshape(self.grid.nodes, -1)
+        nodal[:] = 0.0
+        for body, stencil in zip(self.bodies, self.stencils, strict=True):
+            mass = body.mass[:, None]
+            stencil.deposit(np.hstack((mass, mass * body.velocity, mass * body.acceleration)), nodal)
+        fenicsx.gather(self._deposit)
+        mass = nodal[:, :1]
+        share = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
+        self.motion.nodal(self.motion.v)[:] = share * nodal[:, 1 : 1 + dim]
+        self.motion.nodal(self.motion.a)[:] = share * nodal[:, 1 + dim :]
+
+    def solve(self) -> None:
+        """Internal force at the points, tangent of the fields, one linear solve."""
+        self._internal[:] = 0.0
+        for body, stencil in zip(self.bodies, self.stencils, strict=True):
+            stress = tensors.matrix(body.stress, self.grid.dim)
+            stencil.deposit_divergence(body.volume[:, None, None] * stress, self._internal)
+        self.equilibrium.assemble_tangent()
+        self.equilibrium.solve(self._internal.ravel())
+
+    def carry(self) -> None:
+        """Points take position, velocity, stress and the stretch of their support domains from the grid."""
+        motion = self.motion
+        u = motion.nodal(motion.u)
+        before, after = ((motion.nodal(motion.v), motion.nodal(motion.a)), motion.end()) \
+            if self.stepping.dynamic else (None, None)
+        for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
+            smooth = stencil.gradient_at_points(u)
+            gradient = self.composite.gradient_at_points(body.x, cell, u) if self.composite else smooth
+            body.stress = body.material.update(tensors.strain(gradient), body.stress)
+            if self.stepping.dynamic:
+                self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, self.stepping.dt)
+            body.deform(stencil.at_points(u), gradient, smooth)
+        self.scene.carry()
+
+    def _locate_first(self, body: MaterialPoints) -> np.ndarray:
+        if body.dim != self.grid.dim:
+            raise ValueError(f"points have {body.dim} coordinates, the grid {self.grid.dim}")
+        if not self.grid.comm.allreduce(len(body)):
+            raise ValueError("points: a body has no material points")
+        cell = self.grid.find(body.x)
+        outside = np.flatnonzero(cell < 0)
+        if len(outside):
+            raise ValueError(f"points: {len(outside)} lie outside the grid, the first at x={body.x[outside[0]]}")
+        return cell

@@ -1,0 +1,48 @@
+"""Stress and strain as rows of numbers.
+
+Plane strain keeps the out-of-plane stress: (xx, yy, zz, xy).  In 3D: (xx, yy, zz, xy, yz, xz).
+Shear strains are engineering strains, so that stress @ strain is work per volume.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+SHEAR = {2: ((0, 1),), 3: ((0, 1), (1, 2), (0, 2))}
+
+
+def components(dim: int) -> int:
+    """Numbers in a row: 4 in plane strain, 6 in 3D."""
+    return 3 + len(SHEAR[dim])
+
+
+def strain(gradient: np.ndarray) -> np.ndarray:
+    """Small strain of displacement gradients (n, dim, dim), as rows (n, components)."""
+    n, dim, _ = gradient.shape
+    row = np.zeros((n, components(dim)))
+    for i in range(dim):
+        row[:, i] = gradient[:, i, i]
+    for k, (i, j) in enumerate(SHEAR[dim]):
+        row[:, 3 + k] = gradient[:, i, j] + gradient[:, j, i]
+    return row
+
+
+def matrix(stress: np.ndarray, dim: int) -> np.ndarray:
+    """In-plane stress tensors (n, dim, dim) of stress rows (n, components)."""
+    full = np.zeros((len(stress), dim, dim))
+    for i in range(dim):
+        full[:, i, i] = stress[:, i]
+    for k, (i, j) in enumerate(SHEAR[dim]):
+        full[:, i, j] = full[:, j, i] = stress[:, 3 + k]
+    return full
+
+
+def mean(stress: np.ndarray) -> np.ndarray:
+    """Mean stress (n,), tension positive, of stress rows (n, components)."""
+    return stress[:, :3].mean(axis=1)
+
+
+def von_mises(stress: np.ndarray) -> np.ndarray:
+    """Deviatoric stress q = √(3 J₂) (n,) of stress rows (n, components)."""
+    normal = stress[:, :3] - mean(stress)[:, None]
+    return np.sqrt(1.5 * (normal**2).sum(axis=1) + 3.0 * (stress[:, 3:] ** 2).sum(axis=1))

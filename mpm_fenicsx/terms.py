@@ -1,0 +1,137 @@
+"""Boundaries and loads: each contributes its own virtual work, the simulation sums them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+from ufl import inner
+
+from . import forms
+from .checks import one_of, positive
+from .grid import GridSurface
+from .points import SurfacePoints
+from .scene import Contribution, Scene, as_load
+
+Surface = GridSurface | SurfacePoints
+
+
+def inertia(scene: Scene) -> Contribution:
+    """Virtual work ∫ ρ a·w."""
+    motion = scene.motion
+    return Contribution(forms.inertia(scene.density, motion.acceleration, motion.w) * scene.dx)
+
+
+def elasticity(scene: Scene, λ, μ, before=None) -> Contribution:
+    """Virtual work of the stress of the increment u, on top of the displacement ``before`` if that is given."""
+    motion = scene.motion
+    u = motion.u if before is None else before + motion.u
+    return Contribution(forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), motion.w) * scene.dx)
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """No displacement of ``components`` ("x", "xy", …; all by default) on facets of the grid.
+
+    Raises ``ValueError`` for surface points (they have no nodes of their own) or a component that is not there.
+    """
+
+    on: GridSurface
+    components: str | None = None
+
+    def bind(self, scene: Scene) -> Contribution:
+        """Add Dirichlet conditions to the scene."""
+        if not isinstance(self.on, GridSurface):
+            raise ValueError(f"Fixed acts on facets of the grid, got {type(self.on).__name__}")
+        grid = scene.grid
+        axes = "xyz"[: grid.dim]
+        for c in self.components or axes:
+            V = grid.space.sub(axes.index(one_of("components", c, axes)))
+            dofs = fem.locate_dofs_topological(V, grid.dim - 1, self.on.facets)
+            scene.fixed.append(fem.dirichletbc(np.array(0.0), dofs, V))
+        return Contribution()
+
+
+@dataclass(frozen=True)
+class Traction:
+    """Traction (Pa) on a surface: ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim)."""
+
+    on: Surface
+    value: Callable | tuple[float, ...]
+
+    def bind(self, scene: Scene) -> Contribution:
+        """Virtual work -∫ t·w, and the work done."""
+        function, placed = as_load("value of Traction", self.value, scene.grid.dim)
+        patch, motion = scene.patch(self.on), scene.motion
+        t = patch.load(function, placed)
+        return Contribution(-forms.load(t, motion.w) * patch.measure, lambda: {
+            "work": forms.load(patch.load(function, placed, mean=True), motion.u) * patch.measure})
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Body force per mass (m/s²): ``g`` is (dim,) numbers or a function of t."""
+
+    g: Callable | tuple[float, ...]
+
+    def bind(self, scene: Scene) -> Contribution:
+        """Virtual work -∫ ρ g·w, and the work done."""
+        function, placed = as_load("g of Gravity", self.g, scene.grid.dim)
+        if placed:
+            raise ValueError("g of Gravity may depend on time only")
+        motion, nowhere = scene.motion, np.zeros((1, scene.grid.dim))
+        g, mean = (fem.Constant(scene.grid.mesh, np.zeros(scene.grid.dim)) for _ in range(2))
+
+        def refresh(start: float, end: float) -> None:
+            g.value[:] = function(end, nowhere)
+            mean.value[:] = 0.5 * (function(start, nowhere) + function(end, nowhere))
+
+        scene.before.append(refresh)
+        return Contribution(-forms.load(scene.density * g, motion.w) * scene.dx,
+                            lambda: {"work": forms.load(scene.density * mean, motion.u) * scene.dx})
+
+
+@dataclass(frozen=True)
+class Viscous:
+    """Absorbing dashpots (Lysmer & Kuhlemeyer; Do et al. 2023, eqs. 9, 13, 14).
+
+    σ_n = -ρ c_p v_n, σ_s = -ρ c_s v_s with the elastic constants and density of ``material``.
+    """
+
+    on: Surface
+    material: object
+
+    def bind(self, scene: Scene) -> Contribution:
+        """Virtual work ∫ Z v·w, and the energy absorbed."""
+        if not scene.motion.stepping.dynamic:
+            raise ValueError(f"{type(self).__name__} needs velocities: step with Newmark")
+        patch, motion, soil = scene.patch(self.on), scene.motion, self.material
+        Z = patch.tensor(soil.density * soil.p_speed, soil.density * soil.s_speed)
+        return Contribution(forms.dashpot(Z, motion.velocity, motion.w) * patch.measure, lambda: {
+            "absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure})
+
+
+@dataclass(frozen=True)
+class Viscoelastic(Viscous):
+    """Dashpots with springs beside them (Deeks & Randolph; Do et al. 2023, eqs. 10, 15, 16).
+
+    k_n = 2 G / r_b, k_s = G / (2 r_b), ``radius`` r_b (m) the distance to the source; the springs act on the
+    displacement accumulated since the start.  Raises ``ValueError`` for radius <= 0.
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", positive("radius", self.radius))
+
+    def bind(self, scene: Scene) -> Contribution:
+        """Virtual work ∫ (Z v + k u)·w, and the energy absorbed and stored."""
+        viscous = super().bind(scene)
+        patch, motion = scene.patch(self.on), scene.motion
+        G = self.material.lame[1]
+        stiffness = 2 * G / self.radius, G / (2 * self.radius)
+        k, stored = patch.tensor(*stiffness), patch.stored(*stiffness)
+        return Contribution(viscous.work + forms.spring(k, motion.u, stored, motion.w) * patch.measure, lambda: {
+            **viscous.energy(), "stored": inner(0.5 * k * motion.u + stored, motion.u) * patch.measure})
