@@ -1,5 +1,6 @@
-"""Constitutive laws: parameters in a frozen dataclass, ``update`` for a batch of points."""
+"""Constitutive laws: parameters in a frozen dataclass, ``respond`` and ``tangent`` for a batch of points."""
 
 from .elastic import LinearElastic
+from .von_mises import VonMises
 
-__all__ = ["LinearElastic"]
+__all__ = ["LinearElastic", "VonMises"]

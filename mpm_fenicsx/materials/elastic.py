@@ -21,6 +21,8 @@ class LinearElastic:
     poisson: float
     density: float
 
+    history = ()
+
     def __post_init__(self) -> None:
         object.__setattr__(self, "young", positive("young", self.young))
         object.__setattr__(self, "poisson", between("poisson", self.poisson, -1.0, 0.5))
@@ -58,3 +60,22 @@ class LinearElastic:
         trace = stress[:, :3].sum(axis=1)
         shear = (stress[:, 3:] ** 2).sum(axis=1)
         return ((1 + ν) * (normal + 2 * shear) - ν * trace**2) / (2 * E)
+
+    def respond(self, strain, stress, history, size=None) -> tuple[np.ndarray, np.ndarray]:
+        """``update``, and the empty history (n, 0)."""
+        return self.update(strain, stress), history
+
+    def tangent(self, strain, stress, history, size=None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """``respond`` and the stiffness ∂σ/∂ε (n, components, components), Pa."""
+        n, count = strain.shape
+        unit = np.eye(count)
+        stiffness = self.update(unit, np.zeros_like(unit))
+        return self.update(strain, stress), history, np.repeat(stiffness[None], n, axis=0)
+
+    def strength(self, history, size=None) -> np.ndarray:
+        """Yield value of q (n,), Pa: out of reach."""
+        return np.full(len(history), np.inf)
+
+    def dissipation(self, before, after, size=None) -> np.ndarray:
+        """Plastic work per volume (n,), J/m³: none."""
+        return np.zeros(len(after))

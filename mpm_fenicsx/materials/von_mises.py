@@ -1,0 +1,223 @@
+"""Von Mises plasticity with linear softening of the cohesion, and its consistent tangent.
+
+``respond_point`` and ``tangent_point`` take one row each and are meant for calls from other compiled loops.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checks import finite, positive
+from ..kernels import jit
+from .elastic import LinearElastic
+
+SQRT3 = math.sqrt(3.0)
+SLACK = 1.0 + 1e-13  # of q²: a point at rest on the yield surface is elastic, whatever the rounding
+
+
+@jit
+def _trial(strain, stress, λ, μ, out):
+    """Write the elastic trial stress; return its mean and q²."""
+    volumetric = λ * (strain[0] + strain[1] + strain[2])
+    for i in range(3):
+        out[i] = stress[i] + 2.0 * μ * strain[i] + volumetric
+    mean = (out[0] + out[1] + out[2]) / 3.0
+    q2 = 1.5 * ((out[0] - mean) ** 2 + (out[1] - mean) ** 2 + (out[2] - mean) ** 2)
+    for i in range(3, len(strain)):
+        out[i] = stress[i] + μ * strain[i]
+        q2 += 3.0 * out[i] ** 2
+    return mean, q2
+
+
+@jit
+def _flow(q2, kappa, μ, peak, residual, h):
+    """Return κ, the ratio r = q/q_trial and b = -∂q/∂q_trial after plastic flow; (κ, 1, -1) without."""
+    c = max(residual, peak - h * kappa)
+    if not q2 > SLACK * 3.0 * c * c:
+        return kappa, 1.0, -1.0
+    q = math.sqrt(q2)
+    soft = (q - SQRT3 * (peak - h * kappa)) / (3.0 * μ - SQRT3 * h)
+    flat = (q - SQRT3 * residual) / (3.0 * μ)
+    b = 0.0
+    if soft < flat:
+        b = SQRT3 * h / (3.0 * μ - SQRT3 * h)
+    kappa += max(0.0, min(soft, flat))
+    return kappa, SQRT3 * max(residual, peak - h * kappa) / q, b
+
+
+@jit
+def _scale(mean, ratio, out):
+    """Bring the trial stress back along its deviator."""
+    for i in range(3):
+        out[i] = mean + ratio * (out[i] - mean)
+    for i in range(3, len(out)):
+        out[i] *= ratio
+
+
+@jit
+def respond_point(strain, stress, kappa, λ, μ, peak, residual, h, out_stress):
+    """Write the stress after the increment ``strain`` (4 or 6 numbers) and return κ.
+
+    ``out_stress`` may be ``stress`` itself.  ``h``: softening modulus of this point (Pa), 3μ - √3 h > 0.
+    """
+    mean, q2 = _trial(strain, stress, λ, μ, out_stress)
+    kappa, ratio, _ = _flow(q2, kappa, μ, peak, residual, h)
+    if ratio != 1.0:
+        _scale(mean, ratio, out_stress)
+    return kappa
+
+
+@jit
+def tangent_point(strain, stress, kappa, λ, μ, peak, residual, h, out_stress, out_tangent):
+    """``respond_point`` that also writes ∂σ/∂ε, for engineering shear strains, into ``out_tangent``."""
+    mean, q2 = _trial(strain, stress, λ, μ, out_stress)
+    kappa, ratio, b = _flow(q2, kappa, μ, peak, residual, h)
+    n = len(strain)
+    off = λ + 2.0 / 3.0 * μ * (1.0 - ratio)
+    for i in range(n):
+        for j in range(n):
+            out_tangent[i, j] = off if i < 3 and j < 3 else 0.0
+        out_tangent[i, i] += 2.0 * μ * ratio if i < 3 else μ * ratio
+    if ratio != 1.0:
+        loss = 3.0 * μ * (ratio + b) / q2
+        for i in range(n):
+            s = out_stress[i] - mean if i < 3 else out_stress[i]
+            for j in range(n):
+                out_tangent[i, j] -= loss * s * (out_stress[j] - mean if j < 3 else out_stress[j])
+        _scale(mean, ratio, out_stress)
+    return kappa
+
+
+@jit
+def _respond(strain, stress, history, λ, μ, peak, residual, modulus, out_stress, out_history):
+    every = 1 if len(modulus) > 1 else 0
+    for p in range(len(strain)):
+        out_history[p, 0] = respond_point(
+            strain[p], stress[p], history[p, 0], λ, μ, peak, residual, modulus[every * p], out_stress[p])
+
+
+@jit
+def _tangent(strain, stress, history, λ, μ, peak, residual, modulus, out_stress, out_history, out):
+    every = 1 if len(modulus) > 1 else 0
+    for p in range(len(strain)):
+        out_history[p, 0] = tangent_point(
+            strain[p], stress[p], history[p, 0], λ, μ, peak, residual, modulus[every * p], out_stress[p], out[p])
+
+
+@dataclass(frozen=True)
+class VonMises:
+    """Elastic soil that yields at q = √3 c(κ), with c = max(residual, peak - h κ).
+
+    Parameters: ``elastic``; ``peak`` and ``residual`` cohesion (Pa); ``softening`` h (Pa per unit κ);
+    ``length`` (m), the cell size at which ``softening`` was found.  With it a point of size d softens with
+    h d / length, so that a band one cell wide takes the same energy per area on every grid; ``size`` is then
+    required, and has to stay the same through a point's life.  Without it ``size`` is ignored.
+
+    The history is κ = ∫ √(⅔ dεᵖ:dεᵖ).  Flow is dεᵖ = dγ ∂q/∂σ = dγ 3s/2q, and s:s = ⅔ q², hence dκ = dγ and
+    σ:dεᵖ = q dκ; in simple shear κ = γᵖ/√3.  Backward Euler keeps the mean stress and the direction of s:
+
+        q + 3μ Δκ = q_trial,  q = √3 c(κ + Δκ)
+        softening  Δκ = (q_trial - √3 (peak - h κ)) / (3μ - √3 h)
+        residual   Δκ = (q_trial - √3 residual) / 3μ
+
+    c being the larger of two lines, Δκ is the smaller of the two roots.  It is the only one while 3μ Δκ grows
+    faster than √3 c falls, 3μ > √3 h; beyond, q would have to fall while the strain runs back: snap-back.
+    With r = q/q_trial, and b = √3 h/(3μ - √3 h) while softening or 0 at residual, the tangent is
+
+        K 1⊗1 + 2μ r I_dev - 3μ (r + b) s⊗s / q²   (s/q as in the trial).
+
+    Raises ``ValueError`` naming the parameter that is out of range.  See Simo and Hughes, Computational
+    Inelasticity (1998), section 3.3.
+    """
+
+    elastic: LinearElastic
+    peak: float
+    residual: float
+    softening: float
+    length: float | None = None
+
+    history = ("plastic_strain",)
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.elastic, LinearElastic):
+            raise ValueError(f"elastic must be a LinearElastic, got {self.elastic!r}")
+        object.__setattr__(self, "peak", positive("peak", self.peak))
+        for name in ("residual", "softening"):
+            number = finite(name, getattr(self, name))
+            if number < 0.0:
+                raise ValueError(f"{name} must not be negative, got {number}")
+            object.__setattr__(self, name, number)
+        if self.residual > self.peak:
+            raise ValueError(f"residual must not exceed peak = {self.peak}, got {self.residual}")
+        if self.length is not None:
+            object.__setattr__(self, "length", positive("length", self.length))
+        if not 3.0 * self.lame[1] - SQRT3 * self.softening > 0.0:
+            limit = f"√3 G = {SQRT3 * self.lame[1]}"
+            raise ValueError(f"softening must stay below {limit}, where a point snaps back, got {self.softening}")
+
+    density = property(lambda self: self.elastic.density)
+    young = property(lambda self: self.elastic.young)
+    poisson = property(lambda self: self.elastic.poisson)
+    lame = property(lambda self: self.elastic.lame)
+    p_speed = property(lambda self: self.elastic.p_speed)
+    s_speed = property(lambda self: self.elastic.s_speed)
+
+    def modulus(self, size: np.ndarray | float | None = None) -> np.ndarray:
+        """Softening modulus (n,) or (1,), Pa, of points of ``size`` (m).
+
+        Raises ``ValueError`` where ``size`` is missing, not positive, or so large that a point snaps back.
+        """
+        if self.length is None:
+            return np.array([self.softening])
+        if size is None:
+            raise ValueError(f"size is required, because length = {self.length} is given, got None")
+        size = np.atleast_1d(np.asarray(size, float))
+        for d in (size.min(initial=self.length), size.max(initial=self.length)):
+            positive("size", d)
+            if not 3.0 * self.lame[1] - SQRT3 * self.softening * d / self.length > 0.0:
+                limit = SQRT3 * self.lame[1] * self.length / self.softening
+                raise ValueError(f"size must stay below {limit}, where a point snaps back, got {d}")
+        return self.softening * size / self.length
+
+    def respond(self, strain, stress, history, size=None) -> tuple[np.ndarray, np.ndarray]:
+        """Stress (n, components), Pa, and history (n, 1) after the strain increments ``strain`` (n, components)."""
+        inputs, outputs = self._prepare(strain, stress, history, size)
+        _respond(*inputs, *outputs)
+        return outputs
+
+    def tangent(self, strain, stress, history, size=None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """``respond`` and the consistent tangent ∂σ/∂ε (n, components, components), Pa, in one pass."""
+        inputs, outputs = self._prepare(strain, stress, history, size)
+        out = np.empty((*outputs[0].shape, outputs[0].shape[1]))
+        _tangent(*inputs, *outputs, out)
+        return *outputs, out
+
+    def strength(self, history, size=None) -> np.ndarray:
+        """Yield value of q (n,), Pa."""
+        return SQRT3 * np.maximum(self.residual, self.peak - self.modulus(size) * history[:, 0])
+
+    def energy(self, stress: np.ndarray) -> np.ndarray:
+        """Elastic energy per volume (n,), J/m³."""
+        return self.elastic.energy(stress)
+
+    def dissipation(self, before, after, size=None) -> np.ndarray:
+        """Plastic work per volume (n,), J/m³, between two histories: backward Euler, σ_after : Δεᵖ = q_after Δκ."""
+        return self.strength(after, size) * (after[:, 0] - before[:, 0])
+
+    def _prepare(self, strain, stress, history, size):
+        """Arrays of the kernels, refused unless their shapes agree: compiled loops do not look."""
+        strain, stress, history = (np.ascontiguousarray(a, float) for a in (strain, stress, history))
+        modulus = self.modulus(size)
+        n = len(strain)
+        if strain.ndim != 2 or strain.shape[1] not in (4, 6):
+            raise ValueError(f"strain must have shape (n, 4) or (n, 6), got {strain.shape}")
+        for name, array, shape in (("stress", stress, strain.shape), ("history", history, (n, 1))):
+            if array.shape != shape:
+                raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+        if modulus.shape not in ((1,), (n,)):
+            raise ValueError(f"size must be a number or have shape ({n},), got shape {modulus.shape}")
+        inputs = strain, stress, history, *self.lame, self.peak, self.residual, modulus
+        return inputs, (np.empty_like(stress), np.empty_like(history))
