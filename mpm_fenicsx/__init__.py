@@ -7,13 +7,14 @@ from .grid import Grid
 from .mapping import CMPM, DM, DM_C, DM_G, DM_GC, GIMP, MAPPINGS, MPM, Mapping
 from .materials import LinearElastic
 from .points import MaterialPoints, SurfacePoints
+from .recorders import Energy, Probe
 from .run import RunError
 from .simulation import Simulation, flip, trapezoidal
 from .terms import Fixed, Gravity, Traction, Viscoelastic, Viscous
 from .time_stepping import Newmark, QuasiStatic
 
 __all__ = [
-    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "FiniteElements", "Fixed", "Gravity", "Grid",
-    "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "QuasiStatic", "RunError", "Simulation",
-    "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "flip", "trapezoidal",
+    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Energy", "FiniteElements", "Fixed",
+    "Gravity", "Grid", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Probe", "QuasiStatic",
+    "RunError", "Simulation", "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "flip", "trapezoidal",
 ]

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 from dolfinx import fem
+from ufl import inner
 
+from . import fenicsx, forms, kernels, tensors
 from .equilibrium import Equilibrium
 from .grid import Grid
 from .motion import Motion
@@ -23,6 +26,8 @@ class FiniteElements(Run):
     material point run must, for a fair clock.  ``solver``: PETSc options.
     """
 
+    bodies = ()  # no material points
+
     def __init__(self, grid: Grid, material, stepping: Newmark | QuasiStatic, terms: Sequence,
                  reassemble: bool = False, solver: Mapping[str, object] | None = None):
         super().__init__("FE", grid, stepping)
@@ -30,6 +35,7 @@ class FiniteElements(Run):
         motion = self.motion = Motion(grid, stepping)
         self.displacement = fem.Function(grid.space, name="displacement")
         density, λ, μ = (fem.Constant(grid.mesh, np.array(v)) for v in (material.density, *material.lame))
+        self._lame = λ, μ
         scene = self.scene = Scene(grid, motion, density, grid.dx(metadata={"quadrature_degree": 3}))
         internal = [elasticity(scene, λ, μ, self.displacement)] + ([inertia(scene)] if stepping.dynamic else [])
         self.contributions = internal + [term.bind(scene) for term in terms]
@@ -56,3 +62,49 @@ class FiniteElements(Run):
             motion.nodal(motion.v)[:], motion.nodal(motion.a)[:] = motion.end()
         self.displacement.x.array[:] += motion.u.x.array
         self.scene.carry()
+
+    # -- what recorders ask for -----------------------------------------------------------------------------------
+
+    def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+        """Nodes and their values; for stress the cell centres, where it is most accurate."""
+        grid, motion = self.grid, self.motion
+        if field == "stress":
+            return 0.5 * (grid.lattice.lower + grid.lattice.upper)[: grid.owned_cells], self.stress
+        if field != "displacement" and not self.stepping.dynamic:
+            raise ValueError(f"field {field!r} is not part of this scene")
+        known = {"displacement": self.displacement} if field == "displacement" else \
+            {"velocity": motion.v, "acceleration": motion.a}
+        values = motion.nodal(known[field])
+        owned = grid.space.dofmap.index_map.size_local
+        return grid.space.tabulate_dof_coordinates()[:owned, : grid.dim], lambda rows: values[rows]
+
+    def stress(self, cells: np.ndarray) -> np.ndarray:
+        """Stress rows (n, components), Pa, at the centres of ``cells``."""
+        grid = self.grid
+        slope = (2 * kernels.digits(2, grid.dim) - 1) / 2 ** (grid.dim - 1)  # ∂N/∂ξ at the centre
+        x = grid.mesh.geometry.x[fenicsx.cell_vertices(grid.mesh)[cells]][..., : grid.dim]
+        u = self.motion.nodal(self.displacement)[fenicsx.cell_dofs(grid.space)[cells]]
+        gradient = np.einsum("cki,kj->cij", u, slope) @ np.linalg.inv(np.einsum("cki,kj->cij", x, slope))
+        strain = tensors.strain(gradient)
+        return self.material.update(strain, np.zeros_like(strain))
+
+    def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """What to show on nodes, displacement and velocity, and in cells, stress at their centres."""
+        motion, known = self.motion, {"displacement": self.displacement}
+        if self.stepping.dynamic:
+            known["velocity"] = motion.v
+        nodal = {name: motion.nodal(field) for name, field in known.items()}
+        return nodal, {"stress": self.stress(np.arange(self.grid.owned_cells))}
+
+    @cached_property
+    def _energies(self) -> dict[str, object]:
+        motion, scene = self.motion, self.scene
+        ε = forms.strain(self.displacement)
+        found = {"strain": 0.5 * inner(forms.hooke(*self._lame, ε), ε) * scene.dx}
+        if self.stepping.dynamic:
+            found["kinetic"] = 0.5 * inner(scene.density * motion.v, motion.v) * scene.dx
+        return {name: fenicsx.compile_form(form) for name, form in found.items()}
+
+    def energy(self) -> dict[str, float]:
+        """Kinetic and strain energy (J) of this rank's cells."""
+        return {name: fem.assemble_scalar(form) for name, form in self._energies.items()}

@@ -69,6 +69,7 @@ class MaterialPoints:
     velocity: np.ndarray | None = None
     acceleration: np.ndarray | None = None
     exposed: np.ndarray | None = None  # (n, dim, 2): faces of the support domain on the body's edge
+    seat: np.ndarray | None = None  # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
     mass: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
@@ -136,10 +137,11 @@ class MaterialPoints:
                 step = np.zeros(dim)
                 step[d] = 2 * (2 * end - 1)
                 exposed[:, d, end] = ~body(x + step * half)
+        seat = None
         if jitter:
-            rng = np.random.default_rng([seed, grid.comm.rank])
+            seat, rng = x, np.random.default_rng([seed, grid.comm.rank])
             x = x + rng.uniform(-jitter, jitter, x.shape) * 2 * half
-        return cls(material, x, half, (2 * half).prod(axis=1), exposed=exposed)
+        return cls(material, x, half, (2 * half).prod(axis=1), exposed=exposed, seat=seat)
 
     def deform(self, u: np.ndarray, gradient: np.ndarray, smooth: np.ndarray) -> None:
         """Move by displacement increments u (n, dim); stretch with displacement gradients (n, dim, dim).
@@ -169,7 +171,8 @@ class MaterialPoints:
         rows = np.flatnonzero(self.exposed[:, d, end])
         normal = np.zeros(self.dim)
         normal[d] = 2 * end - 1
-        x, half = self.x[rows] + normal * self.half[rows], self.half[rows]
+        centre = self.x if self.seat is None else self.seat
+        x, half = centre[rows] + normal * self.half[rows], self.half[rows]
         if where is not None:
             keep = np.asarray(where(x.T), dtype=bool)
             x, half = x[keep], half[keep]

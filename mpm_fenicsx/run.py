@@ -5,10 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
+import numpy as np
+
 from .checks import finite
 from .equilibrium import SolverError
 from .grid import Grid
 from .time_stepping import Newmark, QuasiStatic
+
+FIELDS = ("displacement", "velocity", "acceleration", "stress")
 
 
 class RunError(RuntimeError):
@@ -35,6 +39,14 @@ class Run:
 
     def step(self) -> None:
         """One step."""
+        raise NotImplementedError
+
+    def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+        """Places (n, dim) where the run knows a field, and a function from rows to values there."""
+        raise NotImplementedError
+
+    def energy(self) -> dict[str, float]:
+        """Kinetic and strain energy (J) of this rank's part of the body."""
         raise NotImplementedError
 
     def record(self, recorder):

@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+import ufl
 from dolfinx import fem
 
-from . import fenicsx, tensors
+from . import fenicsx, forms, tensors
+from .checks import whole
 from .composite import Composite
 from .equilibrium import Equilibrium
 from .grid import Grid
 from .mapping import DM_GC
 from .mapping import Mapping as PointMapping
 from .motion import Motion
+from .partition import anywhere
 from .points import MaterialPoints
 from .projection import Projection
 from .run import Run, RunError
@@ -36,20 +39,30 @@ def flip(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after
     a[:] = at_points(after[1])
 
 
+def _divide(nodal: np.ndarray, mass: np.ndarray) -> None:
+    """Divide nodal values (nodes, f) by nodal mass (nodes, 1); zero where there is none."""
+    np.divide(nodal, mass, out=nodal, where=mass > 0.0)
+    nodal[mass[:, 0] <= 0.0] = 0.0
+
+
 class Simulation(Run):
     """Implicit material point run on a background grid.
 
     ``points``: one body or several; ``stepping``: Newmark or QuasiStatic; ``terms``: boundaries and loads;
     ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take velocities from the grid;
-    ``solver``: PETSc options.  Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
+    ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass in the deposit of velocities (see
+    ``predict``), 0 for division by the lumped mass alone, as in the paper; ``solver``: PETSc options.
+    Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
     def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
                  terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
-                 solver: Mapping[str, object] | None = None):
+                 sweeps: int = 1, solver: Mapping[str, object] | None = None):
         self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
+        if not self.bodies:
+            raise ValueError("points: there is no body")
         super().__init__(mapping.name, grid, stepping)
-        self.mapping, self.transfer = mapping, transfer
+        self.mapping, self.transfer, self.sweeps = mapping, transfer, whole("sweeps", sweeps, least=0)
         motion = self.motion = Motion(grid, stepping)
         self.cells = [self._locate_first(body) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
@@ -63,7 +76,11 @@ class Simulation(Run):
         self.equilibrium = Equilibrium(motion, sum(c.work for c in self.contributions), scene.fixed, solver)
         self._internal = np.zeros((grid.nodes, grid.dim))
         if stepping.dynamic:
-            self._deposit = fem.Function(fenicsx.space(grid.mesh, "Lagrange", 1, (1 + 2 * grid.dim,)))
+            V = fenicsx.space(grid.mesh, "Lagrange", 1, (1 + 2 * grid.dim,))
+            self._deposit = fem.Function(V)
+            if self.sweeps:
+                self._smooth = fem.Function(V)
+                self._averaging = fenicsx.compile_form(forms.inertia(density, self._deposit, ufl.TestFunction(V)) * dx)
             for body in self.bodies:
                 for name in ("velocity", "acceleration"):
                     value = getattr(body, name)
@@ -83,13 +100,16 @@ class Simulation(Run):
 
     def locate(self) -> None:
         """Cell, weights and gradients of every point."""
-        filled = np.zeros(self.grid.cells, dtype=np.int8)
-        for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
+        message = None
+        for body, cell in zip(self.bodies, self.cells, strict=True):
             self.grid.walk(body.x, cell)
             lost = np.flatnonzero((cell < 0) | (cell >= self.grid.owned_cells))
             if len(lost):
                 where = "outside the grid" if cell[lost[0]] < 0 else "on another rank, which is not supported yet"
-                raise RunError(f"material point {lost[0]} at x={body.x[lost[0]]} lies {where}")
+                message = f"material point {lost[0]} at x={body.x[lost[0]]} lies {where}"
+        self._stop_together(message)
+        filled = np.zeros(self.grid.cells, dtype=np.int8)
+        for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             stencil.place(body.x, body.half, cell)
             filled[cell] = 1
         if self.composite:
@@ -105,7 +125,11 @@ class Simulation(Run):
         self.scene.prepare(self.time, self.next_time)
 
     def predict(self) -> None:
-        """Nodal velocity and acceleration by deposit and division by nodal mass."""
+        """Nodal velocity and acceleration before the step, from the points.
+
+        Division of nodal momentum by nodal mass smooths: M̄⁻¹M, the mean of neighbours, is left in it.  Each sweep
+        v += v₁ − M̄⁻¹M v, with the consistent mass M, its row sums M̄ and v₁ the divided values, takes some of it out.
+        """
         if not self.stepping.dynamic:
             return
         dim = self.grid.dim
@@ -115,10 +139,18 @@ class Simulation(Run):
             mass = body.mass[:, None]
             stencil.deposit(np.hstack((mass, mass * body.velocity, mass * body.acceleration)), nodal)
         fenicsx.gather(self._deposit)
-        mass = nodal[:, :1]
-        share = np.divide(1.0, mass, out=np.zeros_like(mass), where=mass > 0.0)
-        self.motion.nodal(self.motion.v)[:] = share * nodal[:, 1 : 1 + dim]
-        self.motion.nodal(self.motion.a)[:] = share * nodal[:, 1 + dim :]
+        _divide(nodal, nodal[:, :1].copy())
+        if self.sweeps:
+            divided, smooth = nodal.copy(), self._smooth.x.array.reshape(nodal.shape)
+            for _ in range(self.sweeps):
+                nodal[:, 0] = 1.0
+                smooth[:] = 0.0
+                fenicsx.assemble_vector(self._smooth, self._averaging)
+                fenicsx.gather(self._smooth)
+                _divide(smooth, smooth[:, :1].copy())
+                nodal += divided - smooth
+        self.motion.nodal(self.motion.v)[:] = nodal[:, 1 : 1 + dim]
+        self.motion.nodal(self.motion.a)[:] = nodal[:, 1 + dim :]
 
     def solve(self) -> None:
         """Internal force at the points, tangent of the fields, one linear solve."""
@@ -135,14 +167,46 @@ class Simulation(Run):
         u = motion.nodal(motion.u)
         before, after = ((motion.nodal(motion.v), motion.nodal(motion.a)), motion.end()) \
             if self.stepping.dynamic else (None, None)
+        message = None
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             smooth = stencil.gradient_at_points(u)
             gradient = self.composite.gradient_at_points(body.x, cell, u) if self.composite else smooth
             body.stress = body.material.update(tensors.strain(gradient), body.stress)
             if self.stepping.dynamic:
                 self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, self.stepping.dt)
-            body.deform(stencil.at_points(u), gradient, smooth)
+            try:
+                body.deform(stencil.at_points(u), gradient, smooth)
+            except ValueError as error:
+                message = str(error)
+        self._stop_together(message)
         self.scene.carry()
+
+    # -- what recorders ask for -----------------------------------------------------------------------------------
+
+    def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+        """Places of the material points (n, dim), all bodies one after the other, and their values."""
+        name = "x" if field == "displacement" else field
+        if any(getattr(body, name) is None for body in self.bodies):
+            raise ValueError(f"field {field!r} is not part of this scene")
+
+        def read(rows: np.ndarray) -> np.ndarray:
+            return np.concatenate([getattr(body, name) for body in self.bodies])[rows]
+
+        return np.concatenate([body.x for body in self.bodies]), read
+
+    def energy(self) -> dict[str, float]:
+        """Kinetic and strain energy (J) of this rank's points."""
+        found = {"strain": sum(float(body.volume @ body.material.energy(body.stress)) for body in self.bodies)}
+        if self.stepping.dynamic:
+            found["kinetic"] = sum(0.5 * float(body.mass @ (body.velocity**2).sum(axis=1)) for body in self.bodies)
+        return found
+
+    def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """What to show on nodes, increment and velocity at the end of the step, and in cells, nothing."""
+        nodal = {"displacement_increment": self.motion.nodal(self.motion.u)}
+        if self.stepping.dynamic:
+            nodal["velocity"] = self.motion.end()[0]
+        return nodal, {}
 
     def _locate_first(self, body: MaterialPoints) -> np.ndarray:
         if body.dim != self.grid.dim:
@@ -151,6 +215,20 @@ class Simulation(Run):
             raise ValueError("points: a body has no material points")
         cell = self.grid.find(body.x)
         outside = np.flatnonzero(cell < 0)
+        message = None
         if len(outside):
-            raise ValueError(f"points: {len(outside)} lie outside the grid, the first at x={body.x[outside[0]]}")
+            message = f"points: {len(outside)} lie outside the grid, the first at x={body.x[outside[0]]}"
+        for name, numbers in (("stress", tensors.components(body.dim)), ("velocity", body.dim),
+                              ("acceleration", body.dim)):
+            value = getattr(body, name)
+            if value is not None and (np.shape(value) != (len(body), numbers) or not np.isfinite(value).all()):
+                message = f"{name} of points must be {len(body)} rows of {numbers} finite numbers, got {value!r}"
+        message = anywhere(self.grid.comm, message)
+        if message:
+            raise ValueError(message)
         return cell
+
+    def _stop_together(self, message: str | None) -> None:
+        message = anywhere(self.grid.comm, message)
+        if message:
+            raise RunError(message)

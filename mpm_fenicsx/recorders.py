@@ -1,0 +1,132 @@
+"""Recorders look at a run after each step and write down what they were asked for."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+from dolfinx import fem
+
+from . import fenicsx
+from .checks import one_of
+from .run import FIELDS, Run
+
+
+class Series:
+    """Times (s) and one value a time."""
+
+    def __init__(self) -> None:
+        self._times: list[float] = []
+        self._values: list[np.ndarray] = []
+
+    @property
+    def times(self) -> np.ndarray:
+        """Recorded times (n,), s."""
+        return np.array(self._times)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Recorded values (n, …)."""
+        return np.array(self._values)
+
+    def note(self, run: Run, value: np.ndarray) -> None:
+        """Write down one value at the run's time."""
+        self._times.append(run.time)
+        self._values.append(value)
+
+
+class Probe(Series):
+    """A field at a place of the body; the place moves with the material.
+
+    ``field``: displacement since attaching (m), velocity (m/s), acceleration (m/s²) or stress (Pa, rows as in
+    ``tensors``); ``at`` (dim,), m, when attached.  The value is a weighted mean of the samples nearest to ``at``,
+    exact for linear fields: material points or, in a finite element run, cell centres for stress and nodes for
+    the rest.  Raises ``ValueError`` for a field that is not known or a place that is none.
+    """
+
+    def __init__(self, field: str, at):
+        super().__init__()
+        self.field, self.at = one_of("field", field, FIELDS), np.array(at, float)
+
+    def attach(self, run: Run) -> None:
+        """Choose samples and weights."""
+        if self.at.shape != (run.grid.dim,) or not np.isfinite(self.at).all():
+            raise ValueError(f"at must be {run.grid.dim} finite coordinates, got {self.at}")
+        places, self._read = run.sampler(self.field)
+        self._rows, self._weights = _nearest(places, self.at, run.grid.comm)
+        self._start = self._read(self._rows) if self.field == "displacement" else 0.0
+        self(run)
+
+    def __call__(self, run: Run) -> None:
+        """Write down the value now."""
+        value = self._weights @ (self._read(self._rows) - self._start)
+        self.note(run, run.grid.comm.allreduce(value))
+
+
+class Energy(Series):
+    """Where the energy is (J; J per metre in plane strain).
+
+    ``energy["work"]`` done by tractions and gravity, ``"kinetic"``, ``"strain"``, ``"absorbed"`` by dashpots,
+    ``"stored"`` in springs: arrays (n,) since attaching.  What the scene does not have stays zero and costs nothing.
+    ``lost`` is the rest of the balance: dissipation of the method, or its error.
+    """
+
+    NAMES = ("work", "kinetic", "strain", "absorbed", "stored")
+
+    def attach(self, run: Run) -> None:
+        """Compile what the scene's terms do to the energy in a step."""
+        forms: dict[str, object] = {}
+        for contribution in run.contributions:
+            for name, form in contribution.energy().items():
+                forms[name] = forms.get(name, 0) + form
+        self._forms = {name: fenicsx.compile_form(form) for name, form in forms.items()}
+        self._sums = dict.fromkeys(self.NAMES, 0.0)
+        self._start = dict.fromkeys(self.NAMES, 0.0)
+        self._start.update(self._now(run))
+        self._note(run)
+
+    def __call__(self, run: Run) -> None:
+        """Add what the step did."""
+        for name, form in self._forms.items():
+            self._sums[name] += run.grid.comm.allreduce(fem.assemble_scalar(form), op=MPI.SUM)
+        self._note(run)
+
+    def _now(self, run: Run) -> dict[str, float]:
+        return {name: run.grid.comm.allreduce(value, op=MPI.SUM) for name, value in run.energy().items()}
+
+    def _note(self, run: Run) -> None:
+        self._sums.update(self._now(run))
+        self.note(run, np.array([self._sums[name] for name in self.NAMES]))
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.values[:, self.NAMES.index(one_of("name", name, self.NAMES))]
+
+    @property
+    def left(self) -> np.ndarray:
+        """Energy in the body, kinetic and strain (n,), J."""
+        return self["kinetic"] + self["strain"]
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Work, and energy at the start, that is found nowhere (n,), J."""
+        spent = self.left - self._start["kinetic"] - self._start["strain"] + self["absorbed"] + self["stored"]
+        return self["work"] - spent
+
+
+def _nearest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the local samples that serve ``at``, and their weights: exact for linear fields over all ranks."""
+    dim = len(at)
+    count = 2 ** (dim + 1)
+    distance = np.linalg.norm(places - at, axis=1)
+    rows = np.argsort(distance, kind="stable")[:count]
+    found = np.concatenate(comm.allgather(np.column_stack((distance[rows], np.full(len(rows), comm.rank), rows,
+                                                           places[rows]))))
+    found = found[np.argsort(found[:, 0], kind="stable")[:count]]
+    # least-norm weights w with Σ w = 1 and Σ w x = at, the norm growing as the fourth power of distance
+    offset = found[:, 3:] - at
+    scale = max(found[:, 0].max(), np.finfo(float).tiny)
+    trust = 1.0 / ((found[:, 0] / scale) ** 2 + 1e-9) ** 2
+    A = np.vstack((np.ones(len(found)), offset.T / scale))
+    weights = trust * (A.T @ np.linalg.lstsq((A * trust) @ A.T, np.eye(1 + dim)[0], rcond=1e-12)[0])
+    mine = found[:, 1] == comm.rank
+    return found[mine, 2].astype(int), weights[mine]
