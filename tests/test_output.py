@@ -1,0 +1,381 @@
+"""Files for ParaView: what is read back is what the run holds, whatever happens to the run."""
+
+import os
+import shutil
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from mpi4py import MPI
+
+import meshio
+import numpy as np
+import pytest
+from dolfinx import mesh as dmesh
+
+from mpm_fenicsx import (
+    FiniteElements,
+    Fixed,
+    Gravity,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    RunError,
+    Simulation,
+    Traction,
+    tensors,
+)
+from mpm_fenicsx.output import Snapshots
+
+SOIL = LinearElastic(20e6, 0.25, 1500.0)
+CELL = {2: "quad", 3: "hexahedron"}
+DOWN = {2: (0.0, -10.0), 3: (0.0, -10.0, 0.0)}
+
+
+def box(dim):
+    return Grid.box((0.0,) * dim, (1.0, 2.0, 1.0)[:dim], (2, 4, 2)[:dim])
+
+
+def mpm(dim=2, stepping=None, grid=None):
+    """A block of strewn points at rest in the lower half of a box, about to fall."""
+    grid = grid or box(dim)
+    points = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: x[1] < 1.0, jitter=0.3, seed=3)
+    rng = np.random.default_rng(8)
+    points.stress = rng.normal(size=points.stress.shape) * 100.0
+    return Simulation(grid, points, stepping or Newmark(1e-3), [Fixed(grid.facets("bottom"), "y"), Gravity(DOWN[dim])])
+
+
+def fe(dim=2, stepping=None, grid=None):
+    """A box under its weight and a push on top."""
+    grid = grid or box(dim)
+    push = Traction(grid.facets("top"), lambda t: DOWN[dim])
+    return FiniteElements(grid, SOIL, stepping or Newmark(1e-3),
+                          [Fixed(grid.facets("bottom"), "y"), Gravity(DOWN[dim]), push])
+
+
+def collection(path):
+    """Times and files that a collection names; every one of the files exists and is read."""
+    root = ET.parse(path).getroot()
+    assert root.tag == "VTKFile" and root.get("type") == "Collection"
+    sets = root.findall("Collection/DataSet")
+    files = [path.parent / entry.get("file") for entry in sets]
+    for file in files:
+        meshio.read(file)
+    return [float(entry.get("timestep")) for entry in sets], [file.name for file in files]
+
+
+def series(path, kind):
+    return collection(path.with_name(f"{path.name}_{kind}.pvd"))
+
+
+def volume(mesh, dim):
+    """Signed volumes of quads or hexahedra of parallel sides, as VTK numbers their corners."""
+    corner = mesh.points[mesh.cells_dict[CELL[dim]]][..., :dim]
+    return np.linalg.det(corner[:, [1, 3, 4][:dim]] - corner[:, :1])
+
+
+@pytest.mark.parametrize("dim", (2, 3))
+def test_points_are_read_back_bit_for_bit(dim, tmp_path):
+    run = mpm(dim)
+    run.record(Snapshots(tmp_path / "block"))
+    run.until(2e-3)
+    body, read = run.bodies[0], meshio.read(tmp_path / "block_points_000002.vtu")
+    data = read.point_data
+    assert np.array_equal(read.points[:, :dim], body.x) and not read.points[:, dim:].any()
+    assert np.array_equal(read.cells_dict["vertex"].ravel(), np.arange(len(body)))
+    count = tensors.components(dim)
+    assert data["stress"].shape == (len(body), 6) and data["velocity"].shape == (len(body), 3)
+    assert np.array_equal(data["stress"][:, :count], body.stress) and not data["stress"][:, count:].any()
+    assert np.array_equal(data["velocity"][:, :dim], body.velocity) and np.abs(body.velocity).max() > 0
+    assert np.array_equal(data["half"][:, :dim], body.half)
+    assert np.array_equal(data["mean_stress"], tensors.mean(body.stress))
+    assert np.array_equal(data["von_mises"], tensors.von_mises(body.stress))
+    assert np.array_equal(data["volume"], body.volume)
+    assert np.array_equal(data["density"], body.mass / body.volume)
+    assert not data["body"].any()
+
+
+@pytest.mark.parametrize("dim", (2, 3))
+def test_grid_keeps_its_place_and_carries_the_end_of_the_step(dim, tmp_path):
+    run = mpm(dim)
+    run.record(Snapshots(tmp_path / "block"))
+    run.step()
+    read = meshio.read(tmp_path / "block_grid_000001.vtu")
+    assert np.array_equal(read.points[:, :dim], run.grid.space.tabulate_dof_coordinates()[:, :dim])
+    np.testing.assert_allclose(volume(read, dim), 0.5**dim, rtol=1e-12)
+    assert len(read.cells_dict[CELL[dim]]) == 4 * 2 ** (dim - 1)
+    motion = run.motion
+    assert np.array_equal(read.point_data["displacement_increment"][:, :dim], motion.nodal(motion.u))
+    assert np.array_equal(read.point_data["velocity"][:, :dim], motion.end()[0])
+    assert np.abs(motion.end()[0]).max() > 0
+
+
+def test_what_a_scene_has_not_is_not_written(tmp_path):
+    run = mpm(stepping=QuasiStatic(2))
+    run.record(Snapshots(tmp_path / "block"))
+    assert "velocity" not in meshio.read(tmp_path / "block_points_000000.vtu").point_data
+    assert set(meshio.read(tmp_path / "block_grid_000000.vtu").point_data) == {"displacement_increment"}
+    fe().record(Snapshots(tmp_path / "twin"))
+    assert sorted(p.name for p in tmp_path.glob("twin*")) == ["twin_grid.pvd", "twin_grid_000000.vtu"]
+
+
+def test_every_step_that_counts_has_its_time(tmp_path):
+    run = mpm(stepping=Newmark(0.1 / 3))
+    run.record(Snapshots(str(tmp_path / "new" / "folder" / "a & b"), every=3))
+    run.until(7 * 0.1 / 3)
+    for kind in ("points", "grid"):
+        times, names = series(tmp_path / "new" / "folder" / "a & b", kind)
+        assert times == [n * (0.1 / 3) for n in (0, 3, 6)]
+        assert names == [f"a & b_{kind}_{n:06d}.vtu" for n in (0, 3, 6)]
+    assert len(list((tmp_path / "new" / "folder").iterdir())) == 8
+
+
+def test_attached_late_it_starts_there(tmp_path):
+    run = mpm()
+    run.step()
+    run.record(Snapshots(tmp_path / "late", every=2))
+    run.until(4e-3)
+    assert series(tmp_path / "late", "points") == ([1e-3, 2e-3, 4e-3], [f"late_points_00000{n}.vtu" for n in (1, 2, 4)])
+
+
+def test_bodies_are_numbered_and_history_is_named(tmp_path):
+    grid = box(2)
+    lower, upper = (MaterialPoints.fill(grid, SOIL, 4, inside=inside)
+                    for inside in (lambda x: x[1] < 1.0, lambda x: x[1] > 1.5))
+    n, m = len(lower), len(upper)
+    lower.plastic = np.arange(n, dtype=float)
+    lower.yielded = np.arange(n) % 2 == 0
+    lower.history = np.empty((n, 0))
+    run = Simulation(grid, [lower, upper], QuasiStatic(1), [Fixed(grid.facets("bottom"), "y"),
+                                                           Fixed(grid.facets("left"), "x")])
+    run.record(Snapshots(tmp_path / "two"))
+    data = meshio.read(tmp_path / "two_points_000000.vtu").point_data
+    assert np.array_equal(data["body"], np.repeat([0, 1], [n, m]))
+    assert np.array_equal(data["plastic"][:n], lower.plastic) and np.isnan(data["plastic"][n:]).all()
+    assert np.array_equal(data["yielded"][:n], lower.yielded)
+    assert "history" not in data
+
+    class Softening(LinearElastic):
+        history = ("plastic_strain", "damage")
+
+    lower.material, lower.history = Softening(20e6, 0.25, 1500.0), np.arange(2.0 * n).reshape(n, 2)
+    run.record(Snapshots(tmp_path / "named"))
+    data = meshio.read(tmp_path / "named_points_000000.vtu").point_data
+    assert np.array_equal(data["plastic_strain"][:n], lower.history[:, 0])
+    assert np.array_equal(data["damage"][:n], lower.history[:, 1])
+    assert "history" not in data
+
+
+@pytest.mark.parametrize("dim", (2, 3))
+def test_finite_elements_show_total_displacement_velocity_and_stress(dim, tmp_path):
+    run = fe(dim)
+    run.record(Snapshots(tmp_path / "twin"))
+    run.until(3e-3)
+    read, motion = meshio.read(tmp_path / "twin_grid_000003.vtu"), run.motion
+    assert np.array_equal(read.point_data["displacement"][:, :dim], motion.nodal(run.displacement))
+    assert np.array_equal(read.point_data["velocity"][:, :dim], motion.nodal(motion.v))
+    assert np.array_equal(read.cell_data["stress"][0][:, :tensors.components(dim)],
+                          run.stress(np.arange(run.grid.owned_cells)))
+    assert np.abs(read.cell_data["stress"][0]).max() > 0
+
+
+@pytest.mark.parametrize("dim", (2, 3))
+def test_stress_of_a_linear_displacement_is_exact_on_slanted_cells(dim, tmp_path):
+    """On mirrored cells that are no rectangles: u = G x has stress λ tr ε 1 + 2μ ε everywhere (round-off)."""
+    make, kind = {2: (dmesh.create_rectangle, dmesh.CellType.quadrilateral),
+                  3: (dmesh.create_box, dmesh.CellType.hexahedron)}[dim]
+    mesh = make(MPI.COMM_WORLD, [np.zeros(dim), np.ones(dim)], [3, 4, 2][:dim], kind)
+    x, y = mesh.geometry.x[:, 0].copy(), mesh.geometry.x[:, 1].copy()
+    mesh.geometry.x[:, 0] = -x - 0.2 * y * x - 0.1 * y
+    mesh.geometry.x[:, 1] = y + 0.15 * x * y
+    grid = Grid(mesh)
+    run = FiniteElements(grid, SOIL, QuasiStatic(1), [Fixed(grid.facets("bottom"))])
+    gradient = np.random.default_rng(4).uniform(-1e-3, 1e-3, (dim, dim))
+    place = grid.space.tabulate_dof_coordinates()[:, :dim]
+    run.motion.nodal(run.displacement)[:] = place @ gradient.T
+    run.record(Snapshots(tmp_path / "slanted"))
+    read = meshio.read(tmp_path / "slanted_grid_000000.vtu")
+    λ, μ = SOIL.lame
+    σ = np.zeros((3, 3))
+    σ[:dim, :dim] = μ * (gradient + gradient.T)
+    σ += λ * np.trace(gradient) * np.eye(3)
+    exact = σ[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
+    np.testing.assert_allclose(read.cell_data["stress"][0], np.tile(exact, (12 * (dim - 1), 1)), atol=1e-13 * 20e6)
+    assert (volume(read, dim) > 0).all()
+
+
+def test_a_run_that_fails_leaves_a_series_that_opens(tmp_path):
+    run = mpm()
+    run.record(Snapshots(tmp_path / "block"))
+    run.until(2e-3)
+    run.bodies[0].x[0] = 99.0
+    with pytest.raises(RunError, match="step 3"):
+        run.step()
+    for kind in ("points", "grid"):
+        assert series(tmp_path / "block", kind)[0] == [0.0, 1e-3, 2e-3]
+
+
+def test_the_series_opens_after_every_step(tmp_path):
+    run = mpm()
+    run.record(Snapshots(tmp_path / "block"))
+    for n in range(1, 5):
+        run.step()
+        for kind in ("points", "grid"):
+            assert len(series(tmp_path / "block", kind)[0]) == n + 1
+
+
+def test_a_reader_in_the_middle_of_a_collection_is_not_disturbed(tmp_path):
+    """Files are replaced as a whole: who has one open goes on reading the old one."""
+    run = mpm()
+    run.record(Snapshots(tmp_path / "block"))
+    before = (tmp_path / "block_points.pvd").read_text()
+    with open(tmp_path / "block_points.pvd") as reader:
+        run.step()
+        assert reader.read() == before != (tmp_path / "block_points.pvd").read_text()
+
+
+def unchanged_by(failing_step, folder):
+    before = {p: p.read_bytes() for p in folder.iterdir()}
+    failing_step()
+    assert {p: p.read_bytes() for p in folder.iterdir()} == before
+
+
+def test_a_write_error_names_path_and_step_and_spoils_nothing(tmp_path, monkeypatch):
+    run = mpm()
+    run.record(Snapshots(tmp_path / "block"))
+    run.step()
+
+    def half(path, *_, **__):
+        Path(path).write_bytes(b"<VTKFile")
+        raise OSError(28, "No space left on device")
+
+    def step():
+        with pytest.raises(OSError, match=r"step 2, t = 0.002: .*No space left") as failure:
+            run.step()
+        assert failure.value.errno == 28 and failure.value.filename == str(tmp_path / "block")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(meshio, "write", half)
+        unchanged_by(step, tmp_path)
+    run.step()
+    assert series(tmp_path / "block", "points")[0] == [0.0, 1e-3, 3e-3]
+
+
+def test_a_file_that_hits_the_limit_of_the_system_spoils_nothing(tmp_path):
+    resource = pytest.importorskip("resource")
+    run = mpm()
+    run.record(Snapshots(tmp_path / "block"))
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def step():
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+        try:
+            with pytest.raises(OSError, match="step 1"):
+                run.step()
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+
+    unchanged_by(step, tmp_path)
+
+
+@pytest.mark.parametrize("every", (0, -1, 1.5, "often", float("nan")))
+def test_every_below_one_is_refused(every, tmp_path):
+    with pytest.raises(ValueError, match=r"every .*" + str(every)):
+        Snapshots(tmp_path / "block", every=every)
+
+
+@pytest.mark.parametrize("path", ("", ".", "..", "results/"))
+def test_a_path_without_a_name_is_refused(path):
+    with pytest.raises(ValueError, match="path .*" + path):
+        Snapshots(path)
+
+
+def test_a_path_that_cannot_be_written_is_refused_at_once(tmp_path):
+    (tmp_path / "file").write_text("")
+    run = mpm()
+    for path in (tmp_path / "file" / "block", tmp_path / ("x" * 300)):
+        with pytest.raises(OSError, match=path.name):
+            run.record(Snapshots(path))
+    assert not run.recorders and sorted(p.name for p in tmp_path.iterdir()) == ["file"]
+
+
+def test_snapshots_serve_one_run(tmp_path):
+    shots = mpm().record(Snapshots(tmp_path / "block"))
+    with pytest.raises(ValueError, match="block"):
+        mpm().record(shots)
+
+
+def record_both(folder):
+    """What the ranks do: a material point run and a finite element run, the last step unable to write."""
+    for dim in (2, 3):
+        for name, make in (("mpm", mpm), ("fe", fe)):
+            grid = box(dim)
+            run = make(dim, grid=grid) if name == "fe" else regular(grid)
+            run.record(Snapshots(Path(folder) / f"{name}{dim}"))
+            run.until(2e-3)
+    if MPI.COMM_WORLD.rank == 0:
+        meshio.write = no_space
+    try:
+        run.step()
+    except OSError as error:
+        assert error.errno == 28 and "step 3" in str(error)
+        print("refused", flush=True)
+
+
+def no_space(*_, **__):
+    raise OSError(28, "No space left on device")
+
+
+def regular(grid):
+    """Points at places that do not depend on the number of ranks."""
+    points = MaterialPoints.fill(grid, SOIL, 2**grid.dim, inside=lambda x: x[1] < 1.0)
+    return Simulation(grid, points, Newmark(1e-3), [Fixed(grid.facets("bottom"), "y"), Gravity(DOWN[grid.dim])])
+
+
+def on_ranks(count, folder):
+    """Run this file on some ranks; each must see the error of the first."""
+    mpiexec = shutil.which("mpiexec", path=Path(sys.executable).parent) or shutil.which("mpiexec")
+    if not mpiexec:
+        pytest.skip("no mpiexec")
+    root = Path(__file__).resolve().parents[1]
+    env = dict(os.environ, PYTHONPATH=f"{root}{os.pathsep}{os.environ.get('PYTHONPATH', '')}", OMP_NUM_THREADS="1",
+               OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMPI_MCA_rmaps_base_oversubscribe="1")
+    done = subprocess.run([mpiexec, "-n", str(count), sys.executable, __file__, str(folder)], env=env,
+                          capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("refused") == count
+
+
+def in_order(mesh):
+    """Points, sorted by place, with their data; cells as sorted centres with their data."""
+    order = np.lexsort(np.round(mesh.points, 9).T)
+    centre = mesh.points[mesh.cells[0].data].mean(axis=1)
+    cells = np.lexsort(np.round(centre, 9).T)
+    return ({"x": mesh.points[order], "centre": centre[cells]}
+            | {name: value[order] for name, value in mesh.point_data.items()}
+            | {name: value[0][cells] for name, value in mesh.cell_data.items()})
+
+
+def test_two_ranks_write_what_one_writes(tmp_path):
+    """The same points, nodes and cells, once each; values to 1e-9 of their largest, the solver stopping at 1e-11."""
+    on_ranks(1, tmp_path / "one")
+    on_ranks(2, tmp_path / "two")
+    names = sorted(p.name for p in (tmp_path / "one").iterdir())
+    assert names == sorted(p.name for p in (tmp_path / "two").iterdir()) and len(names) == 24
+    for name in names:
+        one, two = (tmp_path / folder / name for folder in ("one", "two"))
+        if name.endswith(".pvd"):
+            assert one.read_text() == two.read_text()
+            continue
+        one, two = in_order(meshio.read(one)), in_order(meshio.read(two))
+        assert set(one) == set(two)
+        for key, value in one.items():
+            np.testing.assert_allclose(two[key], value, rtol=0, atol=1e-9 * max(np.abs(value).max(), 1e-300),
+                                       err_msg=f"{name} {key}")
+
+
+if __name__ == "__main__":
+    record_both(sys.argv[1])
