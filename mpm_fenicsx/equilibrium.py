@@ -92,8 +92,9 @@ def _solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | None) 
     """Conjugate gradients with an incomplete Cholesky factor in dynamics, a full factor in statics."""
     several = motion.grid.comm.size > 1
     if motion.stepping.dynamic:
-        chosen = {"ksp_type": "cg", "ksp_rtol": 1e-11, "pc_type": "bjacobi" if several else "icc",
-                  "sub_pc_type": "icc"}
+        # block Jacobi would do on several ranks, but there PETSc 3.18 lets the blocks' factors turn indefinite
+        chosen = {"ksp_type": "cg", "ksp_rtol": 1e-11, **({"pc_type": "asm", "pc_asm_type": "basic",
+                  "sub_pc_type": "icc"} if several else {"pc_type": "icc"})}
     else:
         chosen = {"ksp_type": "preonly", "pc_type": "cholesky",
                   "pc_factor_mat_solver_type": "mumps" if several else "petsc"}

@@ -29,6 +29,13 @@ def distribute(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray):
     return fenicsx.create_mesh(comm, x, cells, owners)
 
 
+def anywhere(comm: MPI.Comm, message: str | None) -> str | None:
+    """The first message that a rank has, on every rank: all stop together, or none does."""
+    if comm.size == 1:
+        return message
+    return next((m for m in comm.allgather(message) if m is not None), None)
+
+
 def _bisect(centre: np.ndarray, cells: np.ndarray, first: int, ranks: int, owner: np.ndarray) -> None:
     """Give ``cells`` to ``ranks`` ranks from ``first`` on, cutting the longest direction again and again."""
     if ranks == 1:

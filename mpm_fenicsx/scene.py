@@ -14,6 +14,7 @@ from dolfinx import fem
 from . import fenicsx, forms
 from .grid import Grid, GridSurface
 from .motion import Motion
+from .partition import anywhere
 from .points import SurfacePoints
 from .projection import AT_POINTS, Projection
 from .shapes import Stencil
@@ -69,14 +70,17 @@ def as_load(name: str, value, dim: int) -> tuple[Load, bool]:
 
     ``value``: (dim,) numbers, or a function of t, or of t and x (n, dim).  Raises ``ValueError`` naming ``name``.
     """
-    if not callable(value):
-        constant = np.asarray(value, float)
-        function, placed = (lambda t, x: constant), False
-    elif len(inspect.signature(value).parameters) >= 2:
-        function, placed = (lambda t, x: np.asarray(value(t, x), float)), True
-    else:
-        function, placed = (lambda t, x: np.asarray(value(t), float)), False
-    trial = function(0.0, np.zeros((3, dim)))
+    try:
+        if not callable(value):
+            constant = np.array(value, float)
+            function, placed = (lambda t, x: constant), False
+        elif len(inspect.signature(value).parameters) >= 2:
+            function, placed = (lambda t, x: np.asarray(value(t, x), float)), True
+        else:
+            function, placed = (lambda t, x: np.asarray(value(t), float)), False
+        trial = function(0.0, np.zeros((3, dim)))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must give {dim} finite numbers, got {value!r}: {error}") from error
     if trial.shape not in ([(dim,), (3, dim)] if placed else [(dim,)]) or not np.isfinite(trial).all():
         raise ValueError(f"{name} must give {dim} finite numbers, got {trial!r} at t=0")
     return function, placed
@@ -157,12 +161,21 @@ class PointPatch:
         self.measure = self.grid.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
         self._stencil = Stencil(self.grid, len(points), support=False)
         self._cell = self.grid.find(self._inward())
+        self._check()
         self._refresh: list[Callable[[float, float], None]] = []
 
     def _inward(self) -> np.ndarray:
         """Places a hair inside the body: a point on a cell's edge belongs to the cell with the material."""
         lat = self.grid.lattice
         return self.points.x - 1e-9 * (lat.upper - lat.lower).min() * self.points.normal
+
+    def _check(self) -> None:
+        lost, message = np.flatnonzero(self._cell < 0), None
+        if len(lost):
+            message = f"surface point {lost[0]} at x={self.points.x[lost[0]]} lies outside the grid"
+        message = anywhere(self.grid.comm, message)
+        if message:
+            raise ValueError(message)
 
     def _field(self, fields: int, values: Callable[[float, float], np.ndarray]) -> list[fem.Function]:
         projection = Projection(self.grid, AT_POINTS, fields)
@@ -209,9 +222,7 @@ class PointPatch:
     def prepare(self, start: float, end: float) -> None:
         """Find the points and bring coefficients to the step."""
         self.grid.walk(self._inward(), self._cell)
-        lost = np.flatnonzero(self._cell < 0)
-        if len(lost):
-            raise ValueError(f"surface point {lost[0]} at x={self.points.x[lost[0]]} lies outside the grid")
+        self._check()
         self._stencil.place(self.points.x, None, self._cell)
         for refresh in self._refresh:
             refresh(start, end)

@@ -46,6 +46,8 @@ class Fixed:
         if not isinstance(self.on, GridSurface):
             raise ValueError(f"Fixed acts on facets of the grid, got {type(self.on).__name__}")
         grid = scene.grid
+        if self.on.grid is not grid:
+            raise ValueError(f"on: the facets {self.on.names} belong to another grid")
         axes = "xyz"[: grid.dim]
         for c in self.components or axes:
             V = grid.space.sub(axes.index(one_of("components", c, axes)))
