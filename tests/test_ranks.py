@@ -1,0 +1,78 @@
+"""Two and three ranks compute what one computes."""
+
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import ranks
+
+
+def mpiexec() -> str | None:
+    """The mpiexec of this Python's MPI: beside it, or on PATH."""
+    beside = pathlib.Path(sys.executable).parent / "mpiexec"
+    return str(beside) if beside.exists() else shutil.which("mpiexec")
+
+
+def environment() -> dict[str, str]:
+    """This one, without what MPI told this process about itself; Open MPI may run as root and share cores."""
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_", "PRTE_"))}
+    root = pathlib.Path(__file__).parent.parent
+    path = os.pathsep.join([str(root), *filter(None, [os.environ.get("PYTHONPATH")])])
+    return {**kept, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1",
+            "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
+
+
+@pytest.fixture(scope="module")
+def serial() -> dict:
+    return ranks.everything()
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def several(request, tmp_path_factory) -> dict:
+    program = mpiexec()
+    if program is None:
+        pytest.skip("no mpiexec beside Python or on PATH")
+    out = tmp_path_factory.mktemp("ranks") / "out.json"
+    command = [program, "-n", str(request.param), sys.executable, ranks.__file__, str(out)]
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    return json.loads(out.read_text())
+
+
+def difference(several: dict, serial: dict) -> float:
+    """Largest difference over the largest value; the keys must be the same."""
+    assert sorted(several) == sorted(serial)
+    keys = sorted(serial)
+    a, b = (np.array([rows[k] for k in keys]) for rows in (several, serial))
+    return np.abs(a - b).max() / np.abs(b).max()
+
+
+@pytest.mark.parametrize("mapping", ["MPM", "GIMP", "DM-GC"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_points_that_do_not_move_give_the_same_numbers(several, serial, dim, mapping):
+    case = f"still {dim}D {mapping}"
+    for quantity, expected in serial[case].items():
+        tolerance = 1e-8 if quantity == "increment" else 1e-12  # the solver stops at 1e-11 of the residual
+        assert difference(several[case][quantity], expected) < tolerance, quantity
+
+
+@pytest.mark.parametrize("mapping", ["MPM", "GIMP", "DM-GC"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_few_steps_lead_to_the_same_points(several, serial, dim, mapping):
+    case = f"moving {dim}D {mapping}"
+    assert difference(several[case]["points"], serial[case]["points"]) < 1e-9
+
+
+@pytest.mark.parametrize("case", ["twin 2D", "twin 3D", "static twin 2D", "static twin 3D"])
+def test_the_finite_element_twin_is_the_same(several, serial, case):
+    assert difference(several[case]["displacement"], serial[case]["displacement"]) < 1e-10
+
+
+@pytest.mark.parametrize("what", ["outside", "lost", "inverted"])
+def test_what_goes_wrong_on_one_rank_stops_all(several, what):
+    assert several["refusals"][what][""] == [1.0]
