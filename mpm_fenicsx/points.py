@@ -32,9 +32,9 @@ class SurfacePoints:
             raise ValueError(f"surface points need x (n, dim), normal (n, dim), area (n,), got "
                              f"{self.x.shape}, {self.normal.shape}, {self.area.shape}")
         length = np.linalg.norm(self.normal, axis=1)
-        if np.abs(length - 1.0).max(initial=0.0) > 1e-9:
+        if not np.abs(length - 1.0).max(initial=0.0) <= 1e-9:
             raise ValueError(f"normal must be a unit vector, got one of length {length[np.argmax(abs(length - 1))]}")
-        if (self.area <= 0.0).any():
+        if not (self.area > 0.0).all():
             raise ValueError(f"area must be positive, got {self.area.min()}")
 
     def __len__(self) -> int:
@@ -73,18 +73,24 @@ class MaterialPoints:
     mass: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        for name in ("x", "half", "volume"):
-            value = np.array(getattr(self, name), float)
-            if not np.isfinite(value).all():
-                raise ValueError(f"{name} must be finite, got {value[~np.isfinite(value)][0]}")
-            setattr(self, name, value)
+        self.x = np.array(self.x, float)
+        if self.x.ndim != 2 or self.dim not in (2, 3):
+            raise ValueError(f"x must be (n, 2) or (n, 3), got {self.x.shape}")
         n, dim = self.x.shape
-        if self.half.shape != (n, dim) or self.volume.shape != (n,):
-            raise ValueError(f"half and volume do not fit x {self.x.shape}: {self.half.shape}, {self.volume.shape}")
-        if (self.volume <= 0).any() or (self.half <= 0).any():
-            raise ValueError("volume and half must be positive")
         if self.stress is None:
             self.stress = np.zeros((n, tensors.components(dim)))
+        shapes = {"x": (n, dim), "half": (n, dim), "volume": (n,), "stress": (n, tensors.components(dim)),
+                  "velocity": (n, dim), "acceleration": (n, dim)}
+        for name, shape in shapes.items():
+            if getattr(self, name) is not None:
+                value = np.array(getattr(self, name), float)
+                if value.shape != shape:
+                    raise ValueError(f"{name} must have the shape {shape} to fit x, got {value.shape}")
+                if not np.isfinite(value).all():
+                    raise ValueError(f"{name} must be finite, got {value[~np.isfinite(value)][0]}")
+                setattr(self, name, value)
+        if (self.volume <= 0).any() or (self.half <= 0).any():
+            raise ValueError("volume and half must be positive")
         self.mass = self.material.density * self.volume
 
     def __len__(self) -> int:
@@ -111,32 +117,29 @@ class MaterialPoints:
             raise ValueError(f"per_cell must be a {'square' if dim == 2 else 'cube'} of a whole number, got {per_cell}")
         if not 0.0 <= finite("jitter", jitter) < 0.5:
             raise ValueError(f"jitter must lie in [0, 0.5), got {jitter}")
-        lattice = grid.lattice
-        lower = lattice.lower[: grid.owned_cells]
-        spacing = (lattice.upper[: grid.owned_cells] - lower) / k
-        seat = lower[:, None] + (digits(k, dim) + 0.5) * spacing[:, None]
-        half = np.repeat(spacing / 2, per_cell, axis=0)
-        x = seat.reshape(-1, dim)
-
-        def body(y: np.ndarray) -> np.ndarray:
-            in_grid = ((y > grid.lower_corner) & (y < grid.upper_corner)).all(axis=1)
-            if inside is None:
-                return in_grid
-            answer = np.asarray(inside(y.T))
-            if answer.shape != (len(y),):
-                raise ValueError(f"inside must map (dim, n) to (n,), gave {answer.shape} for n={len(y)}")
-            return in_grid & answer.astype(bool)
-
-        keep = body(x)
-        x, half = x[keep], half[keep]
-        if not grid.comm.allreduce(len(x)):
-            raise ValueError("inside leaves a body without material points")
-        exposed = np.zeros((len(x), dim, 2), dtype=bool)
+        lattice, place = grid.lattice, digits(k, dim)
+        spacing = (lattice.upper - lattice.lower) / k
+        x = lattice.lower[:, None] + (place + 0.5) * spacing[:, None]
+        body = np.ones(x.shape[:2], dtype=bool)  # of ghost cells too, which tell what is exposed
+        if inside is not None:
+            n = body.size
+            answer = np.asarray(inside(x.reshape(n, dim).T))
+            if answer.shape != (n,):
+                raise ValueError(f"inside must map (dim, n) to (n,), gave {answer.shape} for n={n}")
+            body = answer.astype(bool).reshape(body.shape)
+        exposed = np.zeros((*body.shape, dim, 2), dtype=bool)
         for d in range(dim):
             for end in range(2):
-                step = np.zeros(dim)
-                step[d] = 2 * (2 * end - 1)
-                exposed[:, d, end] = ~body(x + step * half)
+                beside = place.copy()
+                beside[:, d] = (place[:, d] + 2 * end - 1) % k
+                leaves = place[:, d] == end * (k - 1)
+                cell = np.where(leaves, lattice.neighbour[:, d, end, None], np.arange(grid.cells)[:, None])
+                exposed[:, :, d, end] = (cell < 0) | ~body[cell, beside @ k ** np.arange(dim)]
+        keep = body & (np.arange(grid.cells) < grid.owned_cells)[:, None]
+        half = np.broadcast_to(spacing[:, None] / 2, x.shape)
+        x, half, exposed = x[keep], half[keep], exposed[keep]
+        if not grid.comm.allreduce(len(x)):
+            raise ValueError("inside leaves a body without material points")
         seat = None
         if jitter:
             seat, rng = x, np.random.default_rng([seed, grid.comm.rank])
@@ -163,7 +166,7 @@ class MaterialPoints:
 
         ``side``: left, right, bottom, top, back or front, the way the outward normal points; ``where`` maps face
         centres (dim, n) to bool (n,) and keeps a part.  Each face carries Gauss points, so that its integrals are
-        exact for quadratics.  Raises ``ValueError`` for a side that is not known or has no face.
+        exact for cubics.  A rank may hold none.  Raises ``ValueError`` for a side that is not known.
         """
         d, end = SIDES[one_of("side", side, list(SIDES)[: 2 * self.dim])]
         if self.exposed is None:

@@ -1,0 +1,240 @@
+"""Material points fill a body, surface points its edge; both follow an affine motion exactly."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mpm_fenicsx import Grid, MaterialPoints, SurfacePoints
+
+few = settings(max_examples=30, deadline=None)
+SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1), "back": (2, 0), "front": (2, 1)}
+
+
+def sides(dim):
+    return list(SIDES)[: 2 * dim]
+
+
+def affine(dim, seed, size=0.3):
+    """Gradient H of a motion x -> x + H x that turns nothing inside out."""
+    return size * np.random.default_rng(seed).uniform(-1, 1, (dim, dim)) / dim
+
+
+def everywhere(gradient, n):
+    return np.broadcast_to(gradient, (n, *gradient.shape))
+
+
+# -- filling ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+@pytest.mark.parametrize("jitter", [0.0, 0.45])
+def test_volumes_sum_to_the_bodys_cell_by_cell(grid, soil, k, jitter):
+    points = MaterialPoints.fill(grid, soil, k**grid.dim, jitter=jitter, seed=3)
+    assert len(points) == grid.cells * k**grid.dim and points.dim == grid.dim
+    in_cell = np.bincount(grid.find(points.x), points.volume, minlength=grid.cells)
+    np.testing.assert_allclose(in_cell, grid.lattice.volume, rtol=1e-12)
+    np.testing.assert_allclose(points.volume, (2 * points.half).prod(axis=1), rtol=1e-14)
+    np.testing.assert_allclose(points.mass, soil.density * points.volume, rtol=1e-14)
+    assert points.stress.shape == (len(points), 4 if grid.dim == 2 else 6) and not points.stress.any()
+    assert points.velocity is None and points.acceleration is None
+
+
+def test_jitter_moves_by_less_than_its_share_of_the_spacing_and_repeats(grid, soil):
+    even = MaterialPoints.fill(grid, soil, 2**grid.dim)
+    moved, again, other = (MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=0.45, seed=s) for s in (5, 5, 6))
+    share = np.abs(moved.x - even.x) / (2 * even.half)
+    assert 0.4 < share.max() <= 0.45 and np.array_equal(moved.half, even.half)
+    assert np.array_equal(moved.x, again.x) and not np.array_equal(moved.x, other.x)
+
+
+def test_a_part_of_the_grid_is_filled(grid, soil, hats):
+    end = hats.lines[0][2]
+    points = MaterialPoints.fill(grid, soil, 2**grid.dim, inside=lambda x: x[0] < end, jitter=0.45)
+    length = np.array([line[-1] - line[0] for line in hats.lines])
+    assert points.volume.sum() == pytest.approx((end - hats.lines[0][0]) * length[1:].prod(), rel=1e-12)
+    assert (points.x[:, 0] < end).all()
+
+
+@pytest.mark.parametrize("changes, words", [
+    ({"per_cell": 3}, "per_cell must be a square"), ({"per_cell": 0}, "per_cell"), ({"per_cell": 2.5}, "per_cell"),
+    ({"jitter": 0.5}, "jitter must lie in"), ({"jitter": -0.1}, "jitter"), ({"jitter": np.nan}, "jitter"),
+    ({"inside": lambda x: x[0] > 99}, "without material points"),
+    ({"inside": lambda x: x > 0}, r"inside must map \(dim, n\) to \(n,\)"),
+    ({"inside": lambda x: True}, r"inside must map \(dim, n\) to \(n,\)"),
+])
+def test_what_fills_nothing_is_refused(soil, changes, words):
+    with pytest.raises(ValueError, match=words):
+        MaterialPoints.fill(Grid.box((0, 0), (1, 1), (2, 2)), soil, **{"per_cell": 4, **changes})
+
+
+def test_per_cell_in_3d_is_a_cube(soil):
+    with pytest.raises(ValueError, match="per_cell must be a cube"):
+        MaterialPoints.fill(Grid.box((0, 0, 0), (1, 1, 1), (1, 1, 1)), soil, 4)
+
+
+GOOD = {"x": np.zeros((3, 2)), "half": np.ones((3, 2)), "volume": np.ones(3)}
+
+
+@pytest.mark.parametrize("name, value", [
+    ("x", np.full((3, 2), np.nan)), ("half", np.full((3, 2), np.inf)), ("volume", np.array([1, np.nan, 1])),
+    ("half", np.ones((3, 3))), ("half", np.ones(3)), ("volume", np.ones(2)), ("volume", np.ones((3, 1))),
+    ("volume", np.array([1.0, 0.0, 1.0])), ("half", -np.ones((3, 2))), ("x", np.zeros(3)),
+    ("stress", np.zeros((3, 6))), ("stress", np.full((3, 4), np.nan)), ("stress", np.zeros(4)),
+    ("velocity", np.zeros((2, 2))), ("velocity", np.full((3, 2), np.inf)), ("acceleration", np.zeros((3, 3))),
+])
+def test_arrays_that_do_not_fit_are_refused_by_name(soil, name, value):
+    MaterialPoints(soil, **GOOD)
+    with pytest.raises(ValueError, match=name):
+        MaterialPoints(soil, **{**GOOD, name: value})
+
+
+def test_arrays_given_are_copied(soil):
+    given = {**{k: v.copy() for k, v in GOOD.items()}, "stress": np.ones((3, 4)), "velocity": np.ones((3, 2))}
+    points = MaterialPoints(soil, **given)
+    assert not any(np.shares_memory(getattr(points, name), value) for name, value in given.items())
+
+
+# -- motion -----------------------------------------------------------------------------------------------------
+
+
+@few
+@given(seed=st.integers(0, 10**6))
+def test_an_affine_motion_scales_volumes_by_its_determinant(grid, soil, seed):
+    points = MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=0.45)
+    x, volume, half = points.x.copy(), points.volume.copy(), points.half.copy()
+    H = affine(grid.dim, seed)
+    points.deform(x @ H.T, everywhere(H, len(x)), everywhere(H, len(x)))
+    np.testing.assert_allclose(points.volume, volume * np.linalg.det(np.eye(grid.dim) + H), rtol=1e-12)
+    np.testing.assert_allclose(points.x, x @ (np.eye(grid.dim) + H).T, rtol=1e-12)
+    np.testing.assert_allclose(points.half, half * (1 + np.diag(H)), rtol=1e-12)
+    np.testing.assert_allclose(points.mass, soil.density * volume, rtol=1e-14)
+
+
+@pytest.mark.parametrize("bad", [-1.5, -1.0, np.nan])
+@pytest.mark.parametrize("which", ["gradient", "smooth"])
+def test_a_point_that_turns_inside_out_is_refused_by_number(grid, points, bad, which):
+    n = len(points)
+    arrays = {"gradient": np.zeros((n, grid.dim, grid.dim)), "smooth": np.zeros((n, grid.dim, grid.dim))}
+    arrays[which][5, 1, 1] = bad
+    with pytest.raises(ValueError, match=r"material point 5 at x=.* turns inside out"):
+        points.deform(np.zeros_like(points.x), **arrays)
+
+
+# -- surfaces ---------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.45])
+def test_sides_have_their_areas_normals_and_places(grid, soil, hats, jitter):
+    points = MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=jitter)
+    length = np.array([line[-1] - line[0] for line in hats.lines])
+    for side in sides(grid.dim):
+        d, end = SIDES[side]
+        surface = points.surface(side)
+        assert surface.area.sum() == pytest.approx(length.prod() / length[d], rel=1e-12)
+        assert np.array_equal(surface.normal, np.tile((2 * end - 1) * np.eye(grid.dim)[d], (len(surface), 1)))
+        np.testing.assert_allclose(surface.x[:, d], hats.lines[d][-end], atol=1e-13)
+
+
+def test_surface_integrals_of_cubics_are_exact(grid, soil, hats):
+    surface = MaterialPoints.fill(grid, soil, 2**grid.dim).surface("left")
+    total = (surface.area * surface.x[:, 1] ** 3).sum()
+    y = hats.lines[1]
+    rest = np.prod([line[-1] - line[0] for line in hats.lines[2:]])
+    assert total == pytest.approx((y[-1] ** 4 - y[0] ** 4) / 4 * rest, rel=1e-13)
+
+
+@few
+@given(seed=st.integers(0, 10**6), k=st.integers(1, 3))
+def test_a_surface_is_closed_about_any_body(grid, soil, seed, k):
+    """Σ n A = 0 and Σ x·n A = dim V for bodies with holes, steps and corners, in cells of unlike sizes."""
+    rng = np.random.default_rng(seed)
+    points = MaterialPoints.fill(grid, soil, k**grid.dim, inside=lambda x: rng.random(x.shape[1]) < 0.7)
+    enclosed(points)
+
+
+def enclosed(points):
+    faces = [points.surface(side) for side in sides(points.dim)]
+    np.testing.assert_allclose(sum(f.area @ f.normal for f in faces), 0, atol=1e-12)
+    volume = sum((f.area * (f.x * f.normal).sum(axis=1)).sum() for f in faces) / points.dim
+    assert volume == pytest.approx(points.volume.sum(), rel=1e-11)
+
+
+@pytest.mark.parametrize("k", [1, 2])
+def test_a_surface_is_closed_where_a_cell_is_far_narrower_than_the_next(soil, k):
+    lines = [np.array([0.0, 1.0, 1.1]), np.array([2.0, 2.05, 3.0])]
+    enclosed(MaterialPoints.fill(Grid.rectilinear(lines), soil, k**2))
+
+
+def test_a_surface_is_closed_on_a_grid_with_an_inward_corner(soil, l_shape):
+    points = MaterialPoints.fill(l_shape, soil, 4)
+    enclosed(points)
+    assert points.surface("top").area.sum() == pytest.approx(3.0, rel=1e-13)
+    assert points.surface("right").area.sum() == pytest.approx(2.0, rel=1e-13)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.45])
+def test_part_of_a_side(soil, jitter):
+    grid = Grid.box((2.0, -1.0), (6.0, 1.0), (4, 2))
+    points = MaterialPoints.fill(grid, soil, 4, jitter=jitter)
+    footing = points.surface("top", where=lambda x: x[0] < 3.0)
+    assert footing.area.sum() == pytest.approx(1.0, rel=1e-13)
+    assert (footing.x[:, 0] < 3.0).all()
+
+
+def test_sides_of_no_body_are_refused(points, soil):
+    with pytest.raises(ValueError, match="side must be one of left, right"):
+        points.surface("north")
+    with pytest.raises(ValueError, match="made by fill"):
+        MaterialPoints(soil, **GOOD).surface("top")
+    flat = MaterialPoints.fill(Grid.box((0, 0), (1, 1), (2, 2)), soil, 4)
+    with pytest.raises(ValueError, match="side must be one of left, right, bottom, top, got 'front'"):
+        flat.surface("front")
+
+
+@few
+@given(seed=st.integers(0, 10**6))
+def test_surface_points_follow_an_affine_motion_as_nanson_says(grid, soil, seed):
+    """n a = J F⁻ᵀ N A; the moved surface is closed, and holds the moved volume."""
+    dim = grid.dim
+    points = MaterialPoints.fill(grid, soil, 2**dim)
+    H = affine(dim, seed)
+    F = np.eye(dim) + H
+    faces = [points.surface(side) for side in sides(dim)]
+    cofactor = np.linalg.det(F) * np.linalg.inv(F).T
+    for f in faces:
+        wanted = f.area[:, None] * f.normal @ cofactor.T
+        f.displacement, x = np.zeros_like(f.x), f.x.copy()
+        f.follow(x @ H.T, everywhere(H, len(f)))
+        np.testing.assert_allclose(f.area[:, None] * f.normal, wanted, atol=1e-12)
+        np.testing.assert_allclose(np.linalg.norm(f.normal, axis=1), 1, rtol=1e-13)
+        np.testing.assert_allclose(f.x, x @ F.T, atol=1e-13)
+        np.testing.assert_allclose(f.displacement, x @ H.T, atol=1e-13)
+    np.testing.assert_allclose(sum(f.area @ f.normal for f in faces), 0, atol=1e-11)
+    volume = sum((f.area * (f.x * f.normal).sum(axis=1)).sum() for f in faces) / dim
+    assert volume == pytest.approx(points.volume.sum() * np.linalg.det(F), rel=1e-11)
+
+
+def test_two_steps_of_a_surface_are_one(grid, soil):
+    surface, once = (MaterialPoints.fill(grid, soil, 1).surface("top") for _ in range(2))
+    x, A, B = surface.x.copy(), affine(grid.dim, 1), affine(grid.dim, 2)
+    surface.follow(x @ A.T, everywhere(A, len(x)))
+    surface.follow(surface.x @ B.T, everywhere(B, len(x)))
+    both = A + B + B @ A
+    once.follow(x @ both.T, everywhere(both, len(x)))
+    for name in ("x", "normal", "area"):
+        np.testing.assert_allclose(getattr(surface, name), getattr(once, name), atol=1e-13)
+
+
+@pytest.mark.parametrize("x, normal, area, words", [
+    (np.zeros((2, 2)), [[0, 1], [0, 2]], np.ones(2), "unit vector, got one of length 2"),
+    (np.zeros((2, 2)), [[0, 1], [np.nan, 1]], np.ones(2), "unit vector"),
+    (np.zeros((2, 2)), [[0, 1], [0, 1]], np.array([1, 0]), "area must be positive, got 0"),
+    (np.zeros((2, 2)), [[0, 1], [0, 1]], np.array([1, np.nan]), "area must be positive"),
+    (np.zeros((2, 2)), [[0, 1]], np.ones(2), "surface points need"),
+    (np.zeros((2, 2)), [[0, 1], [0, 1]], np.ones(3), "surface points need"),
+    (np.zeros(2), [0, 1], np.ones(2), "surface points need"),
+])
+def test_surface_points_that_make_no_sense_are_refused(x, normal, area, words):
+    with pytest.raises(ValueError, match=words):
+        SurfacePoints(x, np.array(normal, float), area)
