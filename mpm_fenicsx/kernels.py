@@ -48,16 +48,31 @@ def walk(x, cell, lower, upper, neighbour):
 
 
 @jit
+def over_corner(cell, side, neighbour):
+    """Whether one of the cells diagonally across ``side`` (dim,) of a cell is not there."""
+    for corner in range(2 ** len(side)):
+        c = cell
+        for d in range(len(side)):
+            if c >= 0 and side[d] != 0 and (corner >> d) & 1:
+                c = neighbour[c, d, (side[d] + 1) // 2]
+        if c < 0:
+            return True
+    return False
+
+
+@jit
 def spans(x, half, cell, lower, upper, neighbour, side, span, share):
     """Cut each point's support domain at the edges of its cell, direction by direction.
 
     Segment 0 lies in the point's own cell, segment 1 in the neighbour on ``side`` (-1, 0 for none, 1).
     ``span`` (n, dim, 2, 2): ends in the cell's reference coordinate [0, 1]; ``share``: fraction of the domain.
-    A half width of zero is the point itself.  Beyond the end of the grid the domain is cut off.
+    A half width of zero is the point itself.  Beyond the end of the grid the domain is cut off; where it reaches
+    over an inward corner of the grid, it ends with its own cell.
     """
     n, dim = x.shape
     for p in range(n):
         c = cell[p]
+        crossed = 0
         for d in range(dim):
             low, high = lower[c, d], upper[c, d]
             h = high - low
@@ -92,6 +107,10 @@ def spans(x, half, cell, lower, upper, neighbour, side, span, share):
                     total = outer + inner_b - inner_a
                     share[p, d, 0] = (inner_b - inner_a) / total
                     share[p, d, 1] = outer / total
+                    crossed += 1
+        if crossed > 1 and over_corner(c, side[p], neighbour):
+            side[p] = 0
+            share[p, :, 0], share[p, :, 1] = 1.0, 0.0
 
 
 @jit
