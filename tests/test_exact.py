@@ -1,0 +1,88 @@
+"""The column's closed form against what must hold of it."""
+
+import numpy as np
+import pytest
+from scipy.integrate import trapezoid
+
+from mpm_fenicsx.exact import Column, relative_error
+
+L, C, RHO = 10.0, 100.0, 2000.0
+Z, TRAVEL = RHO * C, L / C
+
+
+def suddenly(t):
+    return np.full_like(t, 300e3)
+
+
+def pulse(t):
+    return 300e3 * np.sin(np.pi * t / 0.05) ** 2 * (t < 0.05)
+
+
+def column(load=suddenly, end=12 * TRAVEL, **parameters):
+    return Column(L, C, RHO, load, end, **parameters)
+
+
+def test_a_fixed_base_doubles_the_pressure_until_the_echo_returns():
+    base = column().pressure(L, np.array([0.5, 1.5, 2.9, 3.5]) * TRAVEL)
+    np.testing.assert_allclose(base, [0, 600e3, 600e3, 0], atol=1e-6)
+
+
+def test_a_fixed_base_rests():
+    t = np.linspace(0, 12 * TRAVEL, 200)
+    assert np.abs(column(pulse).velocity(L, t)).max() < 1e-12
+
+
+def test_a_dashpot_of_the_columns_impedance_sends_nothing_back():
+    c = column(pulse, fixed=False)
+    t = np.linspace(0, 12 * TRAVEL, 200)
+    for depth in (0.0, 3.3, L):
+        np.testing.assert_allclose(c.pressure(depth, t), np.where(t > depth / C, pulse(t - depth / C), 0), atol=60)
+        np.testing.assert_allclose(c.velocity(depth, t), c.pressure(depth, t) / Z, atol=1e-12)
+
+
+@pytest.mark.parametrize("load", [pulse, suddenly])
+def test_a_spring_and_dashpot_bear_the_pressure_of_the_base(load):
+    k = 3e6
+    c = column(load, fixed=False, spring=k)
+    t = np.linspace(0, 12 * TRAVEL, 400)
+    borne = Z * c.velocity(L, t) + k * c.displacement(L, t)
+    assert np.abs(borne - c.pressure(L, t)).max() < 1e-3 * 300e3
+
+
+def test_a_stiff_spring_is_a_fixed_base_and_a_soft_one_settles_to_its_load():
+    t = np.linspace(0.0, 12 * TRAVEL, 100)
+    stiff, fixed = column(pulse, fixed=False, spring=1e12), column(pulse)
+    assert relative_error(stiff.velocity(0.0, t), fixed.velocity(0.0, t)) < 1e-2
+    k = Z  # a soft spring and its dashpot settle with the time Z/k = 1 s
+    soft = column(end=15.0, fixed=False, spring=k, resolution=400)
+    assert soft.displacement(L, 15.0) == pytest.approx(300e3 / k, rel=1e-5)
+
+
+@pytest.mark.parametrize("base", [{}, {"fixed": False}, {"fixed": False, "spring": 5e6}])
+def test_the_surface_bears_the_load(base):
+    t = np.linspace(0.001, 11.9 * TRAVEL, 300)
+    c = column(pulse, **base)
+    np.testing.assert_allclose(c.pressure(0.0, t), pulse(t), atol=60)
+
+
+@pytest.mark.parametrize("base", [{}, {"fixed": False}, {"fixed": False, "spring": 5e6}])
+def test_the_momentum_is_the_impulse_of_both_ends(base):
+    c = column(pulse, **base)
+    depth = np.linspace(0, L, 801)
+    t = np.linspace(0, 3.37 * TRAVEL, 4001)
+    momentum = trapezoid(RHO * np.array([c.velocity(x, t[-1]) for x in depth]), depth)
+    impulse = trapezoid(c.pressure(0.0, t) - c.pressure(L, t), t)
+    assert momentum == pytest.approx(impulse, abs=1e-3 * trapezoid(pulse(t), t))
+
+
+def test_displacement_is_the_integral_of_velocity():
+    c = column()
+    dt = 1e-4
+    for t in (0.31 * TRAVEL, 1.7 * TRAVEL, 5.2 * TRAVEL):
+        rate = (c.displacement(4.0, t + dt) - c.displacement(4.0, t - dt)) / (2 * dt)
+        assert rate == pytest.approx(c.velocity(4.0, t), abs=1e-9)
+
+
+def test_relative_error():
+    assert relative_error([1.0, 2.0], np.array([1.0, 2.0])) == 0.0
+    assert relative_error([0.0, 0.0], np.array([3.0, 4.0])) == 1.0

@@ -1,0 +1,58 @@
+"""Rows of numbers stand for tensors."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from mpm_fenicsx import tensors
+
+rng = np.random.default_rng(1)
+
+
+def full(rows):
+    """Stress rows as 3×3 tensors, written out."""
+    out = np.zeros((len(rows), 3, 3))
+    for k, (i, j) in enumerate([(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)][: rows.shape[1]]):
+        out[:, i, j] = out[:, j, i] = rows[:, k]
+    return out
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_row_product_is_the_work_of_the_tensors(dim):
+    gradient = rng.normal(size=(20, dim, dim))
+    stress = rng.normal(size=(20, tensors.components(dim)))
+    work = np.einsum("nij,nij->n", full(stress)[:, :dim, :dim], gradient)
+    np.testing.assert_allclose((stress * tensors.strain(gradient)).sum(axis=1), work, atol=1e-14)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_small_rotation_strains_nothing(dim):
+    gradient = rng.normal(size=(20, dim, dim))
+    assert np.all(tensors.strain(gradient - gradient.transpose(0, 2, 1)) == 0.0)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_matrix_holds_the_in_plane_stress(dim):
+    stress = rng.normal(size=(20, tensors.components(dim)))
+    assert np.array_equal(tensors.matrix(stress, dim), full(stress)[:, :dim, :dim])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_invariants_do_not_see_a_rotation_or_its_axes(dim):
+    stress = rng.normal(size=(20, tensors.components(dim)))
+    turn = Rotation.from_euler("zyx", [0.7, 0.0, 0.0] if dim == 2 else [0.7, -0.4, 1.9]).as_matrix()
+    turned = np.einsum("ij,njk,lk->nil", turn, full(stress), turn)
+    rows = np.stack([turned[:, i, j] for i, j in [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]], 1)
+    rows = rows[:, : stress.shape[1]]
+    np.testing.assert_allclose(tensors.von_mises(rows), tensors.von_mises(stress), rtol=1e-12)
+    np.testing.assert_allclose(tensors.mean(rows), tensors.mean(stress), atol=1e-14)
+
+
+def test_von_mises_of_known_states():
+    uniaxial, shear, pressure = [-3.0, 0, 0, 0], [0, 0, 0, 2.0], [5.0, 5.0, 5.0, 0]
+    np.testing.assert_allclose(tensors.von_mises(np.array([uniaxial, shear, pressure])), [3, 2 * np.sqrt(3), 0])
+
+
+def test_out_of_plane_stress_counts():
+    q = tensors.von_mises(np.array([[1.0, 1.0, 0.0, 0.0], [1.0, 1.0, 1.0, 0.0]]))
+    np.testing.assert_allclose(q, [1, 0], atol=1e-15)
