@@ -1,0 +1,218 @@
+"""A pressure pulse runs down an elastic column: fixed, viscous and viscoelastic base against the exact answer.
+
+The one-dimensional test of Do, Vardon, González Acosta & Hicks (2023), section 4.1.  Units: m, s, kg, Pa.
+
+    python demos/column.py          what the figure needs, about a minute
+    python demos/column.py --all    every mapping
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from mpm_fenicsx import (
+    DM_GC,
+    GIMP,
+    MAPPINGS,
+    MPM,
+    Energy,
+    FiniteElements,
+    Fixed,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    Probe,
+    RunError,
+    Simulation,
+    Traction,
+    Viscoelastic,
+    Viscous,
+    exact,
+)
+
+RESULTS = Path(__file__).parents[1] / "results"
+BASES = ("fixed", "viscous", "viscoelastic")
+
+soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+height, radius = 20.0, 20.0  # of the column; to the source, for the springs
+peak, small = 300e3, 0.3e3  # the paper's pressure, and one at which strains are as small as the exact answer assumes
+end, dt = 1.5, 1e-3
+FIGURES = ("max_pressure_mid_kpa", "max_pressure_base_kpa", "max_displacement_mid_m", "error_pressure_mid",
+           "error_pressure_base", "error_displacement_mid", "error_displacement_top", "energy_left")
+
+
+def pulse(t, load):
+    """Triangle of half a second."""
+    return load * np.maximum(0.0, 1.0 - np.abs(t - 0.25) / 0.25)
+
+
+def terms(base, load, surface, grid):
+    """The scene; ``surface`` gives facets to finite elements and surface points to material points."""
+    foot = {"fixed": lambda: Fixed(grid.facets("bottom"), "y"),
+            "viscous": lambda: Viscous(surface("bottom"), soil),
+            "viscoelastic": lambda: Viscoelastic(surface("bottom"), soil, radius)}
+    return [Fixed(grid.facets("left", "right"), "x"),
+            Traction(surface("top"), lambda t: (0.0, -pulse(t, load))),
+            foot[base]()]
+
+
+def finite_elements(base, load, cell=0.25, step=dt):
+    """The twin: facets of the mesh bear the load and the dashpots."""
+    grid = Grid.box((0, 0), (1, height), cells=(round(1 / cell), round(height / cell)))
+    return FiniteElements(grid, soil, Newmark(step), terms(base, load, grid.facets, grid))
+
+
+def material_points(base, load, mapping=DM_GC, cell=0.25, step=dt, per_cell=4):
+    """Material points: the column on a grid with room at the top, and for an absorbing base to drift."""
+    bottom = 0 if base == "fixed" else -1
+    grid = Grid.box((0, bottom), (1, height + 1), cells=(round(1 / cell), round((height + 1 - bottom) / cell)))
+    points = MaterialPoints.fill(grid, soil, per_cell, inside=lambda x: (x[1] > 0) & (x[1] < height))
+    return Simulation(grid, points, Newmark(step), terms(base, load, points.surface, grid), mapping)
+
+
+def answer(base, load):
+    """The exact column."""
+    spring = 2 * soil.lame[1] / radius if base == "viscoelastic" else 0.0
+    return exact.Column(height, soil.p_speed, soil.density, lambda t: pulse(t, load), end, base == "fixed", spring)
+
+
+def measure(run, base, load, until=end, progress=None):
+    """Run, and compare with the exact column: a row of figures, and curves of time, pressure, displacement."""
+    middle, foot = (run.record(Probe("stress", (0.5, y))) for y in (height / 2, 0.0))
+    half, top = (run.record(Probe("displacement", (0.5, y))) for y in (height / 2, height))
+    energy = run.record(Energy())
+    row = {"mapping": run.name, "base": base, "load_kpa": load / 1e3, **dict.fromkeys(FIGURES)}
+    row["unstable_at_step"] = None
+    began = time.perf_counter()
+    try:
+        run.until(until, progress)
+    except RunError as error:
+        row["unstable_at_step"], row["reason"] = run.steps + 1, str(error)
+    row["steps"], row["seconds"] = run.steps, round(time.perf_counter() - began, 3)
+    wild = np.flatnonzero(energy.left > 1.5 * np.maximum.accumulate(energy["work"]).max())
+    if len(wild) and row["unstable_at_step"] is None:
+        row["unstable_at_step"], row["reason"] = int(wild[0]), "more energy in the body than work was done on it"
+    t, column = middle.times, answer(base, load)
+    pairs = {"pressure_mid": (-middle.values[:, 1], column.pressure(height / 2, t)),
+             "pressure_base": (-foot.values[:, 1], column.pressure(height, t)),
+             "displacement_mid": (-half.values[:, 1], column.displacement(height / 2, t)),
+             "displacement_top": (-top.values[:, 1], column.displacement(0.0, t))}
+    if row["unstable_at_step"] is None:
+        for name, (computed, known) in pairs.items():
+            row[f"error_{name}"] = exact.relative_error(computed, known)
+        row["max_pressure_mid_kpa"] = pairs["pressure_mid"][0].max() / 1e3
+        row["max_pressure_base_kpa"] = pairs["pressure_base"][0].max() / 1e3
+        row["max_displacement_mid_m"] = pairs["displacement_mid"][0].max()
+        late = min(round(1.2 / run.stepping.dt), len(t) - 1)
+        row["energy_left"] = float((energy.left / energy["work"][late])[late])
+    return row, (t, pairs["pressure_mid"][0], pairs["displacement_mid"][0])
+
+
+def scenes(everything):
+    """What is run: name, base, load and how to make it."""
+    mappings = MAPPINGS if everything else (MPM, GIMP, DM_GC)
+    for base in BASES:
+        yield "FE", base, peak, lambda base=base: finite_elements(base, peak)
+        for mapping in mappings:
+            yield mapping.name, base, peak, lambda base=base, mapping=mapping: material_points(base, peak, mapping)
+        yield "FE", base, small, lambda base=base: finite_elements(base, small)
+        yield "DM-GC", base, small, lambda base=base: material_points(base, small)
+
+
+def table(rows):
+    """The rows as a table for the terminal."""
+    shown = Table(box=None, padding=(0, 1, 0, 0), title="Largest values, and L2 errors against the exact column")
+    for name in ("", "p mid\nkPa", "base\nkPa", "u mid\nmm", "error\np mid", "%\nbase", "%\nu mid", "%\nu top",
+                 "energy\nleft", "time\ns"):
+        shown.add_column(name, justify="right" if name else "left", no_wrap=True)
+    for load in (peak, small):
+        for base in BASES:
+            shown.add_row()
+            shown.add_row(f"[bold]{base}", f"[bold]{load / 1e3:g}", "[bold]kPa")
+            for row in (row for row in rows if row["base"] == base and row["load_kpa"] == load / 1e3):
+                if row["unstable_at_step"] is None:
+                    maxima = [f"{row['max_pressure_mid_kpa']:.4g}", f"{row['max_pressure_base_kpa']:.4g}",
+                              f"{1e3 * row['max_displacement_mid_m']:.4g}"]
+                    errors = [f"{100 * row[name]:.2f}" for name in FIGURES if name.startswith("error")]
+                    figures = [*maxima, *errors, f"{row['energy_left']:.0e}"]
+                else:
+                    figures = ["unstable", "from step", str(row["unstable_at_step"]), *[""] * 5]
+                shown.add_row(row["mapping"], *figures, f"{row['seconds']:.1f}")
+    return shown
+
+
+def figure(curves, path):
+    """The paper's Figure 2: stress and displacement at mid-height, one column of axes a base."""
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    styles = {"MPM": ("#CC79A7", "-", 1.0), "FE": ("#E69F00", "-", 2.4), "DM-GC": ("#0072B2", (0, (4, 3)), 1.3)}
+    fig, axes = plt.subplots(2, 3, figsize=(11, 5.6), sharex=True, sharey="row", layout="constrained")
+    t = np.linspace(0.0, end, 1501)
+    for base, (above, below) in zip(BASES, axes.T, strict=True):
+        column = answer(base, peak)
+        known = -column.pressure(height / 2, t) / 1e3, -column.displacement(height / 2, t)
+        for axis, curve in zip((above, below), known, strict=True):
+            axis.plot(t, curve, color="0.75", lw=4.5, label="exact, small strain")
+        for name, (color, line, width) in styles.items():
+            if (name, base) in curves and (name != "MPM" or base == "fixed"):
+                time_, pressure, displacement = curves[name, base]
+                above.plot(time_, -pressure / 1e3, color=color, ls=line, lw=width, label=name)
+                below.plot(time_, -displacement, color=color, ls=line, lw=width, label=name)
+        above.set_title(f"{base} base")
+        below.set_xlabel("time (s)")
+        for axis in (above, below):
+            axis.grid(alpha=0.3)
+            axis.set_xlim(0, end)
+    axes[0, 0].set_ylabel("vertical stress (kPa)")
+    axes[1, 0].set_ylabel("vertical displacement (m)")
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=9, ncols=4, loc="outside lower center")
+    fig.suptitle("Column under a 300 kPa pulse, at mid-height (h = 0.25 m, Δt = 1 ms, 4 points a cell)")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fig.savefig(path, dpi=150)
+    plt.close(fig)
+
+
+def main(arguments=None) -> list[dict]:
+    """Run the scenes, print the table, write results/column.json and results/column.png."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--all", action="store_true", help="run every mapping, not only those of the figure")
+    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
+    chosen = parser.parse_args(arguments)
+    chosen.results.mkdir(parents=True, exist_ok=True)
+    console, rows, curves = Console(), [], {}
+    todo = list(scenes(chosen.all))
+    columns = (TextColumn("{task.description:32}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("", total=len(todo) * round(end / dt))
+        for number, (name, base, load, make) in enumerate(todo):
+            progress.update(task, description=f"{name}, {base}, {load / 1e3:g} kPa")
+            done = number * round(end / dt)
+
+            def advance(step, done=done):
+                progress.update(task, completed=done + step)
+
+            row, curve = measure(make(), base, load, progress=advance)
+            progress.update(task, completed=done + round(end / dt))
+            rows.append(row)
+            if load == peak:
+                curves[name, base] = curve
+            (chosen.results / "column.json").write_text(json.dumps(rows, indent=1) + "\n")
+    figure(curves, chosen.results / "column.png")
+    console.print(table(rows))
+    console.print(f"figure: {chosen.results / 'column.png'}, rows: {chosen.results / 'column.json'}")
+    return rows
+
+
+if __name__ == "__main__":
+    main()
