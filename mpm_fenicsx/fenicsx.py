@@ -37,7 +37,8 @@ def cell_dofs(V) -> np.ndarray:
 
 def cell_vertices(mesh) -> np.ndarray:
     """Geometry nodes of each local and ghost cell (cells, 2^dim)."""
-    table = mesh.geometry.dofmap if _recent else mesh.geometry.dofmap.array
+    geometry = mesh.geometry
+    table = geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap.array
     return np.asarray(table, dtype=np.int32).reshape(-1, 2**mesh.topology.dim)
 
 
