@@ -14,7 +14,7 @@ from petsc4py import PETSc
 from . import fenicsx
 from .motion import Motion
 
-IDLE = 1e-14  # of the largest diagonal: rows below are round-off, their nodes touch no material
+IDLE = 1e-20  # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of 1e-18
 
 
 class SolverError(RuntimeError):
