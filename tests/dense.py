@@ -59,3 +59,42 @@ def bare_scene(grid: Grid, stepping) -> Scene:
 def at_nodes(grid: Grid, function) -> np.ndarray:
     """Values (dofs,) of function(x (nodes, dim)) -> (nodes, dim)."""
     return function(grid.space.tabulate_dof_coordinates()[:, : grid.dim]).ravel()
+
+
+def hats(grid: Grid, x: np.ndarray) -> np.ndarray:
+    """Bilinear (trilinear) shape functions (n, nodes) at x (n, dim), from the nodes' coordinates alone."""
+    nodes = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
+    out = np.ones((len(x), len(nodes)))
+    for d in range(grid.dim):
+        line = nodes[np.unique(nodes[:, d].round(12), return_index=True)[1], d]
+        place = np.abs(nodes[:, d, None] - line).argmin(axis=1)
+        out *= np.stack([np.interp(x[:, d], line, row) for row in np.eye(len(line))], 1)[:, place]
+    return out
+
+
+def rotation(rng, dim: int) -> np.ndarray:
+    """A random rotation matrix."""
+    Q, R = np.linalg.qr(rng.normal(size=(dim, dim)))
+    Q *= np.sign(np.diag(R))
+    Q[:, 0] *= np.linalg.det(Q)
+    return Q
+
+
+def spin(x: np.ndarray) -> np.ndarray:
+    """An infinitesimal rotation of x (n, dim)."""
+    W = np.array([[0.0, -0.7, 0.4], [0.7, 0.0, -1.1], [-0.4, 1.1, 0.0]])[: x.shape[1], : x.shape[1]]
+    return x @ W.T
+
+
+def tiles(grid: Grid, rng, material=SOIL) -> MaterialPoints:
+    """Points whose support domains have random sizes, straddle cells, and tile the whole grid."""
+    lines = []
+    for d in range(grid.dim):
+        low, high = grid.lower_corner[d], grid.upper_corner[d]
+        h = np.diff(np.unique(grid.space.tabulate_dof_coordinates()[:, d].round(12))).min()
+        width = rng.uniform(0.3, 0.9, 40) * h
+        cuts = low + np.cumsum(width)
+        lines.append(np.concatenate(([low], cuts[cuts < high - 0.1 * h], [high])))
+    centre = np.stack(np.meshgrid(*[(a[1:] + a[:-1]) / 2 for a in lines], indexing="ij"), -1).reshape(-1, grid.dim)
+    half = np.stack(np.meshgrid(*[np.diff(a) / 2 for a in lines], indexing="ij"), -1).reshape(-1, grid.dim)
+    return MaterialPoints(material, centre, half, (2 * half).prod(axis=1))

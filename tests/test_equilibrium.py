@@ -1,0 +1,210 @@
+"""One step's matrix and right-hand side against eq. (12) by hand, and the nodes that no material touches."""
+
+import dense
+import numpy as np
+import pytest
+import ufl
+from ufl import inner
+
+from mpm_fenicsx import (
+    DM_GC,
+    GIMP,
+    MAPPINGS,
+    MPM,
+    Fixed,
+    Gravity,
+    Grid,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    RunError,
+    Simulation,
+    Traction,
+    Viscoelastic,
+    Viscous,
+    forms,
+    tensors,
+)
+
+DT = 2e-3
+DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
+
+
+def close(a, b, tolerance=1e-12):
+    assert np.abs(b).max() > 0.0
+    assert np.abs(a - b).max() < tolerance * np.abs(b).max()
+
+
+def gravity(dim):
+    return np.arange(dim) - 9.0
+
+
+@pytest.fixture(params=[2, 3])
+def scene(request):
+    """A random body with facets and turned surface points, all terms at work, stopped within its second step."""
+    def make(mapping):
+        dim, rng = request.param, np.random.default_rng(7)
+        grid = dense.uneven(dim)
+        body = dense.random_body(grid, rng)
+        x = 0.1 + 0.8 * rng.random((6, dim))
+        normal = rng.normal(size=x.shape)
+        from mpm_fenicsx import SurfacePoints
+
+        on = SurfacePoints(x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.5, 6))
+        terms = [Gravity(tuple(gravity(dim))), Traction(grid.facets("top"), tuple(1e4 * gravity(dim))),
+                 Viscoelastic(on, dense.SOFT, 1.5), Viscous(grid.facets("left"), dense.SOIL)]
+        body.velocity *= 0.1
+        body.stress *= 0.1
+        run = Simulation(grid, body, Newmark(DT), terms, mapping, solver=DIRECT)
+        run.step()
+        run.locate()
+        run.project()
+        run.predict()
+        return run, on
+    return make
+
+
+@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+def test_the_step_is_equation_12(scene, mapping):
+    run, on = scene(mapping)
+    grid, motion, body = run.grid, run.motion, run.bodies[0]
+    dim, V, dx = grid.dim, grid.space, run.scene.dx
+    u, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+    ρ, λ, μ = run.projection.fields
+
+    M = dense.matrix(inner(ρ * u, w) * dx)
+    K = dense.matrix(forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), w) * dx)
+    n = ufl.FacetNormal(grid.mesh)
+    Zp, Zs = (dense.SOIL.density * c for c in (dense.SOIL.p_speed, dense.SOIL.s_speed))
+    Z = Zs * ufl.Identity(dim) + (Zp - Zs) * ufl.outer(n, n)
+    C = dense.matrix(inner(Z * u, w) * grid.facets("left").measure)
+    N, nn = dense.hats(grid, on.x), on.normal[:, :, None] * on.normal[:, None, :]
+
+    def on_points(along, across):
+        T = along * nn + across * (np.eye(dim) - nn)
+        return T, np.einsum("p,pi,pj,pab->iajb", on.area, N, N, T).reshape(M.shape)
+
+    C += on_points(*(dense.SOFT.density * c for c in (dense.SOFT.p_speed, dense.SOFT.s_speed)))[1]
+    G = dense.SOFT.lame[1]
+    k, K_spring = on_points(2 * G / 1.5, G / (2 * 1.5))
+
+    v, a = motion.v.x.array, motion.a.x.array
+    stencil = run.stencils[0]
+    stress = body.volume[:, None, None] * tensors.matrix(body.stress, dim)
+    F_int = np.zeros((grid.nodes, dim))
+    np.add.at(F_int, stencil.nodes, np.einsum("nij,nkj->nki", stress, stencil.gradients))
+    F_ext = M @ np.tile(gravity(dim), grid.nodes)
+    F_ext += dense.vector(V, inner(ufl.as_vector(list(1e4 * gravity(dim))), w) * grid.facets("top").measure)
+    F_kin = M @ (-4 * v / DT - a)
+    F_vis = C @ (-v)
+    F_rec = np.einsum("p,pi,pab,pb->ia", on.area, N, k, on.displacement).ravel()
+    assert np.abs(on.displacement).max() > 0.0
+
+    run.solve()
+    A = K + 4 / DT**2 * M + 2 / DT * C + K_spring
+    b = F_ext - F_int.ravel() - F_kin - F_vis - F_rec
+    close(dense.dense(run.equilibrium.matrix), A)
+    close(run.equilibrium.force.x.array, b)
+    close(A @ motion.u.x.array, b, 1e-9)
+
+
+def test_point_sums_by_hand_are_the_matrix_of_mpm(scene):
+    run, _ = scene(MPM)
+    grid, body, dim = run.grid, run.bodies[0], run.grid.dim
+    V, (ρ, λ, μ) = grid.space, run.projection.fields
+    u, w = ufl.TrialFunction(V), ufl.TestFunction(V)
+    N = dense.hats(grid, body.x)
+    B = np.zeros((len(body), grid.nodes, dim))
+    np.put_along_axis(B, run.stencils[0].nodes[:, :, None], run.stencils[0].gradients, axis=1)
+    M = np.einsum("p,pi,pj,ab->iajb", body.mass, N, N, np.eye(dim))
+    l, m = body.material.lame
+    K = (l * np.einsum("p,pia,pjb->iajb", body.volume, B, B) + m * np.einsum("p,pib,pja->iajb", body.volume, B, B)
+         + m * np.einsum("p,pic,pjc,ab->iajb", body.volume, B, B, np.eye(dim)))
+    size = grid.nodes * dim
+    close(dense.matrix(inner(ρ * u, w) * run.scene.dx), M.reshape(size, size))
+    K_form = forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), w) * run.scene.dx
+    close(dense.matrix(K_form), K.reshape(size, size))
+
+
+def test_the_matrix_is_symmetric_and_positive(scene):
+    run, _ = scene(DM_GC)
+    run.equilibrium.assemble_tangent()
+    A = dense.dense(run.equilibrium.matrix)
+    close(A, A.T, 1e-14)
+    assert np.linalg.eigvalsh(A).min() > 0.0
+
+
+# -- nodes without material -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("stepping", [Newmark(1e-3), QuasiStatic(1)], ids=["dynamic", "static"])
+@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+def test_an_empty_row_keeps_a_diagonal_and_its_node_stays(mapping, stepping):
+    grid = Grid.box((0, 0), (6, 4), (6, 4))
+    body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.3, inside=lambda x: (x[0] < 3) & (x[1] < 2))
+    terms = [Fixed(grid.facets("bottom")), Gravity((1.0, -1.0))]
+    run = Simulation(grid, body, stepping, terms, mapping, solver=DIRECT)
+    run.step()
+    x, u = grid.space.tabulate_dof_coordinates()[:, :2], run.motion.nodal(run.motion.u)
+    weight = np.zeros(grid.nodes)
+    np.add.at(weight, run.stencils[0].nodes, run.stencils[0].values)
+    touched = weight > 0.0
+    idle = run.equilibrium.idle.reshape(-1, 2)
+    base = x[:, 1] < 1e-12
+    assert touched.sum() < grid.nodes
+    assert not idle[touched & ~base].any()
+    assert idle[~touched & ~base].all()
+    assert (u[idle.any(axis=1)] == 0.0).all()
+    A = dense.dense(run.equilibrium.matrix)
+    for row in np.flatnonzero(run.equilibrium.idle):
+        assert A[row, row] > 0.0
+        assert np.count_nonzero(A[row]) == 1
+
+
+@pytest.mark.parametrize("fill", [(1e-2, 1e-2), (1e-4, 1e-4), (1e-6, 0.0), (1e-8, 0.0)], ids=str)
+@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+def test_a_node_with_hardly_any_mass_falls_like_the_rest(mapping, fill):
+    grid, g, dt = Grid.box((0, 0), (4, 4), (4, 4)), np.array([3.0, -9.81]), 1e-3
+    body = MaterialPoints.fill(grid, dense.SOIL, 4, inside=lambda x: (x[0] < 2) & (x[1] < 2))
+    body.x += np.array(fill) if mapping.support else 0.25 + np.array(fill)  # domains or points reach into next cells
+    run = Simulation(grid, body, Newmark(dt), [Gravity(tuple(g))], mapping, solver=DIRECT)
+    run.step()
+    weight = np.zeros(grid.nodes)
+    np.add.at(weight, run.stencils[0].nodes, run.stencils[0].values)
+    touched = weight > 0.0
+    assert 0.0 < weight[touched].min() < 1.1 * fill[0]
+    assert not run.equilibrium.idle.reshape(-1, 2)[touched].any()
+    np.testing.assert_allclose(run.motion.nodal(run.motion.u)[touched], np.tile(g * dt**2 / 4, (touched.sum(), 1)),
+                               rtol=1e-5)
+
+
+# -- the solver -----------------------------------------------------------------------------------------------------
+
+
+def test_a_solver_that_stops_early_is_an_error():
+    grid = dense.uneven(2)
+    body = dense.random_body(grid, np.random.default_rng(0))
+    run = Simulation(grid, body, Newmark(1e-3), [], solver={"ksp_max_it": 1, "ksp_rtol": 1e-14})
+    with pytest.raises(RunError, match=r"step 1, t = 0\.001.*reason -3 after 1 iterations"):
+        run.step()
+
+
+def test_options_reach_their_own_solver_only():
+    grid = dense.uneven(2)
+    runs = [Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [], solver=options)
+            for options in ({"ksp_rtol": 1e-3}, None, {"ksp_type": "minres"})]
+    assert [run.equilibrium.ksp.getTolerances()[0] for run in runs] == [1e-3, 1e-11, 1e-11]
+    assert [run.equilibrium.ksp.getType() for run in runs] == ["cg", "cg", "minres"]
+
+
+@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+def test_solvers_agree(mapping):
+    found = []
+    for solver in (None, DIRECT):
+        grid = dense.uneven(2)
+        body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.3)
+        run = Simulation(grid, body, Newmark(1e-3), [Fixed(grid.facets("bottom")), Gravity((1.0, -9.81))], mapping,
+                         solver=solver)
+        run.until(5e-3)
+        found.append(body.x - 0.0)
+    np.testing.assert_allclose(found[0], found[1], atol=1e-13)

@@ -1,0 +1,90 @@
+"""The weak forms: what they do to exact fields, whoever supplies the coefficients."""
+
+import dense
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+
+from mpm_fenicsx import MAPPINGS, LinearElastic, MaterialPoints, QuasiStatic, Simulation, fenicsx, forms, tensors
+
+
+@pytest.fixture(params=[2, 3])
+def grid(request):
+    return dense.uneven(request.param)
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(0)
+
+
+def test_hooke_is_the_law_of_the_material(grid, rng):
+    dim = grid.dim
+    g = rng.normal(size=(dim, dim))
+    ε = fem.Constant(grid.mesh, (g + g.T) / 2)
+    λ, μ = dense.SOIL.lame
+    row = tensors.strain(g[None])
+    expected = tensors.matrix(dense.SOIL.update(row, np.zeros_like(row)), dim)[0]
+    for i, j in np.ndindex(dim, dim):
+        found = fem.assemble_scalar(fenicsx.compile_form(forms.hooke(λ, μ, ε)[i, j] * grid.dx))
+        assert found == pytest.approx(expected[i, j], rel=1e-12)
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+def test_a_rigid_motion_gives_no_force(grid, rng, mapping):
+    body = MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim, jitter=0.4, inside=lambda x: x[0] < 0.8)
+    run = Simulation(grid, body, QuasiStatic(1), [], mapping)
+    run.locate()
+    run.project()
+    run.equilibrium.assemble_tangent()
+    K = dense.dense(run.equilibrium.matrix)
+    K[run.equilibrium.idle] = 0.0
+    for motion in (lambda x: np.ones_like(x), dense.spin):
+        u = dense.at_nodes(grid, motion)
+        assert np.abs(K @ u).max() < 1e-14 * np.abs(K).max()
+    stretch = dense.at_nodes(grid, lambda x: x)
+    assert np.abs(K @ stretch).max() > 1e-3 * np.abs(K).max()
+
+
+def test_a_constant_and_a_field_of_that_constant_give_one_matrix(grid):
+    u, w = ufl.TrialFunction(grid.space), ufl.TestFunction(grid.space)
+    field = fem.Function(fenicsx.space(grid.mesh, "DQ", 2))
+    field.x.array[:] = 7.5
+    constant = fem.Constant(grid.mesh, np.array(7.5))
+    dx = grid.dx(metadata={"quadrature_degree": 5})
+    for form in (lambda c: forms.inertia(c, u, w),
+                 lambda c: forms.internal_work(forms.hooke(c, c, forms.strain(u)), w)):
+        A, B = dense.matrix(form(field) * dx), dense.matrix(form(constant) * dx)
+        assert np.abs(A - B).max() < 1e-14 * np.abs(B).max()
+
+
+def test_inertia_sums_to_the_mass_in_every_direction(grid):
+    w = ufl.TestFunction(grid.space)
+    M = dense.matrix(forms.inertia(1500.0, ufl.TrialFunction(grid.space), w) * grid.dx)
+    volume = (grid.upper_corner - grid.lower_corner).prod()
+    for d in range(grid.dim):
+        along = dense.at_nodes(grid, lambda x, d=d: np.eye(grid.dim)[np.full(len(x), d)])
+        assert along @ M @ along == pytest.approx(1500.0 * volume, rel=1e-12)
+
+
+def test_the_boundary_tensor_has_the_normal_as_an_axis(grid, rng):
+    n = rng.normal(size=grid.dim)
+    n /= np.linalg.norm(n)
+    across = dense.rotation(rng, grid.dim)[:, 0]
+    across -= across @ n * n
+    T = forms.along_and_across(fem.Constant(grid.mesh, n), 5.0, 2.0)
+    T = np.array([[fem.assemble_scalar(fenicsx.compile_form(T[i, j] * grid.dx)) for j in range(grid.dim)]
+                  for i in range(grid.dim)]) / (grid.upper_corner - grid.lower_corner).prod()
+    np.testing.assert_allclose(T @ n, 5.0 * n, atol=1e-12)
+    np.testing.assert_allclose(T @ across, 2.0 * across, atol=1e-12)
+
+
+def test_wave_speeds_are_those_of_the_acoustic_tensor(rng):
+    soil = LinearElastic(young=2e6, poisson=0.41, density=1000.0)
+    λ, μ = soil.lame
+    n = rng.normal(size=3)
+    n /= np.linalg.norm(n)
+    acoustic = μ * np.eye(3) + (λ + μ) * np.outer(n, n)
+    speeds = np.sqrt(np.linalg.eigvalsh(acoustic) / soil.density)
+    np.testing.assert_allclose(speeds, [soil.s_speed, soil.s_speed, soil.p_speed], rtol=1e-12)

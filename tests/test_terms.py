@@ -1,0 +1,246 @@
+"""Boundaries and loads against hand sums; facets and surface points say the same."""
+
+import dense
+import numpy as np
+import pytest
+import ufl
+
+from mpm_fenicsx import (
+    Fixed,
+    Gravity,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    Simulation,
+    SurfacePoints,
+    Traction,
+    Viscoelastic,
+    Viscous,
+)
+
+DT = 0.01
+STEPPING = Newmark(DT)
+DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(1)
+
+
+def system(grid, term, rng=None, start=0.3):
+    """Residual and matrix of one term, for a random motion if ``rng`` is given, and its scene."""
+    scene = dense.bare_scene(grid, STEPPING)
+    work = term.bind(scene).work
+    scene.prepare(start, start + DT)
+    motion = scene.motion
+    if rng is not None:
+        for f in (motion.u, motion.v, motion.a):
+            f.x.array[:] = rng.normal(size=len(f.x.array))
+    R = dense.vector(grid.space, work)
+    derivative = ufl.derivative(work, motion.u, ufl.TrialFunction(grid.space))
+    K = None if isinstance(term, Traction) else dense.matrix(derivative)
+    return R, K, scene
+
+
+def same(a, b, tolerance=1e-12):
+    assert np.abs(b).max() > 0.0
+    assert np.abs(a - b).max() < tolerance * np.abs(b).max()
+
+
+def markers(grid, rng, n=9):
+    x = grid.lower_corner + rng.uniform(0.01, 0.99, (n, grid.dim)) * (grid.upper_corner - grid.lower_corner)
+    normal = rng.normal(size=x.shape)
+    return SurfacePoints(x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.5, n))
+
+
+# -- facets against surface points --------------------------------------------------------------------------------
+
+TERMS = {
+    "viscous": lambda on: Viscous(on, dense.SOFT),
+    "viscoelastic": lambda on: Viscoelastic(on, dense.SOFT, 3.0),
+    "constant traction": lambda on: Traction(on, tuple(np.arange(on_dim(on)) + 1.5)),
+    "traction of time": lambda on: Traction(on, lambda t: np.sin(t) * (np.arange(on_dim(on)) + 1.5)),
+    "traction of place": lambda on: Traction(on, lambda t, x: t * (x @ LINEAR[: on_dim(on), : on_dim(on)] + 0.3)),
+}
+LINEAR = np.array([[1.0, -2.0, 0.5], [0.3, 1.7, 2.0], [-1.0, 0.2, 0.9]])
+
+
+def on_dim(on):
+    return on.x.shape[1] if isinstance(on, SurfacePoints) else on.grid.dim
+
+
+@pytest.mark.parametrize("side", ["bottom", "right"])
+@pytest.mark.parametrize("name", TERMS)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_facets_and_surface_points_agree(dim, name, side):
+    grid = dense.uneven(dim)
+    body = MaterialPoints.fill(grid, dense.SOIL, 2**dim)
+    found = [system(grid, TERMS[name](on), np.random.default_rng(2))
+             for on in (grid.facets(side), body.surface(side))]
+    same(found[1][0], found[0][0])
+    if found[0][1] is not None:
+        same(found[1][1], found[0][1])
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
+    grid = dense.uneven(dim)
+    surfaces = grid.facets("bottom"), MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("bottom")
+    increments = 1e-12 * rng.normal(size=(3, grid.nodes * dim))  # the surface points stay on the facets
+    found = []
+    for on in surfaces:
+        scene = dense.bare_scene(grid, STEPPING)
+        work = Viscoelastic(on, dense.SOFT, 3.0).bind(scene).work
+        for u in increments:
+            scene.prepare(0.0, DT)
+            scene.motion.u.x.array[:] = u
+            scene.carry()
+        scene.prepare(0.0, DT)
+        scene.motion.clear()
+        found.append(dense.vector(grid.space, work))
+    same(found[1], found[0], 1e-10)
+
+
+# -- by hand ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_dashpots_on_turned_surface_points_are_the_sum_by_hand(dim, rng):
+    grid = dense.uneven(dim)
+    on = markers(grid, rng)
+    _, K, _ = system(grid, Viscous(on, dense.SOFT))
+    N = dense.hats(grid, on.x)
+    Zp, Zs = (dense.SOFT.density * c for c in (dense.SOFT.p_speed, dense.SOFT.s_speed))
+    nn = on.normal[:, :, None] * on.normal[:, None, :]
+    Z = Zp * nn + Zs * (np.eye(dim) - nn)
+    by_hand = np.einsum("p,pi,pj,pab->iajb", on.area, N, N, Z).reshape(K.shape)
+    same(K, 2 / DT * by_hand)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_uniform_velocity_meets_the_impedances(dim, rng):
+    grid = dense.uneven(dim)
+    for _ in range(4):
+        on = markers(grid, rng, 1)
+        n = on.normal[0]
+        across = rng.normal(size=dim)
+        across -= across @ n * n
+        scene = dense.bare_scene(grid, STEPPING)
+        work = Viscous(on, dense.SOFT).bind(scene).work
+        scene.prepare(0.0, DT)
+        for v, speed in ((n, dense.SOFT.p_speed), (across, dense.SOFT.s_speed)):
+            scene.motion.nodal(scene.motion.u)[:] = v * DT / 2  # from rest, so that v is the velocity at the end
+            traction = -dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0) / on.area[0]
+            np.testing.assert_allclose(traction, -dense.SOFT.density * speed * v, rtol=1e-11, atol=1e-9)
+
+
+@pytest.mark.parametrize("make", [lambda on: Viscous(on, dense.SOFT), lambda on: Viscoelastic(on, dense.SOFT, 2.0)])
+def test_turning_the_normal_turns_the_force(make, rng):
+    grid = dense.uneven(3)
+    on, Q = markers(grid, rng), dense.rotation(rng, 3)
+    turned = SurfacePoints(on.x, on.normal @ Q.T, on.area)
+    K, KQ = (system(grid, make(s))[1].reshape(grid.nodes, 3, grid.nodes, 3) for s in (on, turned))
+    same(KQ, np.einsum("ab,ibjc,dc->iajd", Q, K, Q))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_springs_add_their_stiffness(dim, rng):
+    grid = dense.uneven(dim)
+    on, r = markers(grid, rng), 1.7
+    K = system(grid, Viscoelastic(on, dense.SOFT, r))[1] - system(grid, Viscous(on, dense.SOFT))[1]
+    G = dense.SOFT.young / (2 * (1 + dense.SOFT.poisson))
+    nn = on.normal[:, :, None] * on.normal[:, None, :]
+    k = 2 * G / r * nn + G / (2 * r) * (np.eye(dim) - nn)
+    N = dense.hats(grid, on.x)
+    same(K, np.einsum("p,pi,pj,pab->iajb", on.area, N, N, k).reshape(K.shape), 1e-9)  # a small part of the sum
+
+
+@pytest.mark.parametrize("where", ["facets", "surface points"])
+@pytest.mark.parametrize("direction", [0, 1])
+def test_a_stiff_block_on_springs_and_dashpots_is_an_oscillator(where, direction):
+    """m a + c v + k U = m g over 40 steps, U the displacement since the start."""
+    grid = Grid.rectilinear([np.array([0, 0.4, 1.0]), np.array([-1.0, -0.4, 0.0, 0.3, 1.0])])
+    stiff = LinearElastic(young=1e12, poisson=0.0, density=2000.0)
+    rock, r, dt = LinearElastic(young=2e6, poisson=0.2, density=20.0), 2.0, 2e-3
+    if where == "facets":
+        body = MaterialPoints.fill(grid, stiff, 4)
+        on, height = grid.facets("bottom"), 2.0
+    else:
+        body = MaterialPoints.fill(grid, stiff, 4, inside=lambda x: x[1] > -0.7)
+        on, height = body.surface("bottom"), 1.7
+
+    def push(t):
+        return 1e-3 * np.sin(60 * t) * np.eye(2)[direction]
+
+    keep = Fixed(grid.facets("left", "right"), "x") if direction else Fixed(grid.facets("top"), "y")
+    run = Simulation(grid, body, Newmark(dt), [keep, Gravity(push), Viscoelastic(on, rock, r)], solver=DIRECT)
+    start = body.x.copy()
+    G = rock.lame[1]
+    m, c, k = 2000.0 * height, rock.density * (rock.s_speed, rock.p_speed)[direction], (G / 2 / r, 2 * G / r)[direction]
+    U = v = a = 0.0
+    history = []
+    for step in range(1, 41):
+        f = m * push(step * dt)[direction]
+        u = (f - k * U + c * v + m * (4 * v / dt + a)) / (4 * m / dt**2 + 2 * c / dt + k)
+        U, v, a = U + u, 2 * u / dt - v, 4 * u / dt**2 - 4 * v / dt - a
+        run.step()
+        history.append((U, (body.x - start)[:, direction].mean()))
+    exact, found = np.array(history).T
+    assert np.abs(exact).max() > 1e-8
+    assert np.abs(found - exact).max() < 1e-4 * np.abs(exact).max()
+
+
+# -- loads and supports -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_traction_sums_to_its_resultant(dim, rng):
+    grid = dense.uneven(dim)
+    on = markers(grid, rng)
+    R, _, _ = system(grid, Traction(on, lambda t, x: t * x), start=0.3)
+    np.testing.assert_allclose(-R.reshape(-1, dim).sum(axis=0), 0.31 * on.area @ on.x, rtol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_gravity_is_the_weight(dim):
+    grid = dense.uneven(dim)
+    scene = dense.bare_scene(grid, STEPPING)
+    scene.density = 1500.0
+    g = np.arange(1.0, dim + 1)
+    work = Gravity(lambda t: g * t).bind(scene).work
+    scene.prepare(1.0, 2.0)
+    force = -dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0)
+    np.testing.assert_allclose(force, 3000.0 * g * (grid.upper_corner - grid.lower_corner).prod(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_fixed_holds_its_components_and_no_others(dim, rng):
+    grid = dense.uneven(dim)
+    body = dense.random_body(grid, rng)
+    run = Simulation(grid, body, Newmark(1e-3), [Fixed(grid.facets("left"), "y"), Fixed(grid.facets("bottom"))])
+    run.step()
+    u, x = run.motion.nodal(run.motion.u), grid.space.tabulate_dof_coordinates()
+    left, bottom = (np.abs(x[:, d] - grid.lower_corner[d]) < 1e-12 for d in (0, 1))
+    assert (u[bottom] == 0.0).all()
+    assert (u[left, 1] == 0.0).all()
+    assert (u[left & ~bottom, 0] != 0.0).all()
+    assert (u[~left & ~bottom] != 0.0).all()
+
+
+@pytest.mark.parametrize("stepping", [Newmark(1e-3), QuasiStatic(2)], ids=["dynamic", "static"])
+def test_loads_take_their_value_at_the_end_of_the_step(stepping):
+    grid, times = dense.uneven(2), []
+    body = MaterialPoints.fill(grid, dense.SOIL, 4)
+
+    def load(t):
+        times.append(t)
+        return 0.0, 0.0
+
+    run = Simulation(grid, body, stepping, [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), load)])
+    times.clear()
+    run.step()
+    run.step()
+    assert times == pytest.approx([stepping.dt, 2 * stepping.dt])
