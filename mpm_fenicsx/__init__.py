@@ -5,16 +5,20 @@ from mpi4py import MPI as _MPI  # noqa: F401  before dolfinx: it loads the MPI l
 from .finite_elements import FiniteElements
 from .grid import Grid
 from .mapping import CMPM, DM, DM_C, DM_G, DM_GC, GIMP, MAPPINGS, MPM, Mapping
-from .materials import LinearElastic
+from .materials import LinearElastic, VonMises
+from .newton import Newton
+from .output import Snapshots
 from .points import MaterialPoints, SurfacePoints
 from .recorders import Energy, Probe
 from .run import RunError
-from .simulation import Simulation, flip, trapezoidal
+from .simulation import Simulation
 from .terms import Fixed, Gravity, Traction, Viscoelastic, Viscous
 from .time_stepping import Newmark, QuasiStatic
+from .velocities import flip, trapezoidal
 
 __all__ = [
     "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Energy", "FiniteElements", "Fixed",
-    "Gravity", "Grid", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Probe", "QuasiStatic",
-    "RunError", "Simulation", "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "flip", "trapezoidal",
+    "Gravity", "Grid", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic",
+    "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "VonMises",
+    "flip", "trapezoidal",
 ]

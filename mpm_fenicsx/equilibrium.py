@@ -1,8 +1,8 @@
-"""The linear solve of a step, on PETSc: compiled and allocated once, then only numbers change."""
+"""Equilibrium of a step, on PETSc: compiled and allocated once, then only numbers change."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from mpi4py import MPI
 
@@ -13,32 +13,38 @@ from petsc4py import PETSc
 
 from . import fenicsx
 from .motion import Motion
+from .newton import Newton, SolverError
+from .scene import Contribution
+from .yielding import Yielding
 
 IDLE = 1e-20  # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of 1e-18
 
 
-class SolverError(RuntimeError):
-    """A step that could not be solved; says which, when and why."""
-
-
 class Equilibrium:
-    """One Newton step from u = 0: K u = -R(0) with K the derivative of the residual R.
+    """R(u) = 0 with the derivative K of the residual R; each solve starts from u = 0.
 
-    ``residual`` is the UFL sum of all virtual work; ``fixed`` Dirichlet conditions (all zero); ``options`` PETSc
-    options without prefix, on top of what suits the stepping.
+    ``contributions``: virtual work of all terms; ``fixed`` Dirichlet conditions (all zero); ``options`` PETSc
+    options without prefix, on top of what suits the stepping; ``yielding``: what the law adds to elasticity, if it
+    can yield, and then ``newton`` says when to stop.  Without it the step is linear: one solve.
     """
 
-    def __init__(self, motion: Motion, residual, fixed: list, options: Mapping[str, object] | None = None):
-        self.motion, self.bcs = motion, fixed
+    def __init__(self, motion: Motion, contributions: Sequence[Contribution], fixed: list,
+                 options: Mapping[str, object] | None = None, yielding: Yielding | None = None,
+                 newton: Newton | None = None):
+        self.motion, self.bcs, self.yielding, self.newton = motion, fixed, yielding, newton or Newton()
         V = motion.grid.space
-        self._residual = fenicsx.compile_form(residual)
-        self._tangent = fenicsx.compile_form(ufl.derivative(residual, motion.u, ufl.TrialFunction(V)))
+        residual = sum(c.work for c in contributions)
+        tangent = ufl.derivative(residual, motion.u, ufl.TrialFunction(V))
+        if yielding is not None:
+            residual, tangent = residual + yielding.work, tangent + yielding.stiffness
+            self._forces = [fenicsx.compile_form(c.force) for c in contributions if c.force]
+        self._residual, self._tangent = fenicsx.compile_form(residual), fenicsx.compile_form(tangent)
         self.matrix = fenicsx.create_matrix(self._tangent)
-        self.force = fem.Function(V, name="residual")
+        self.force, self.increment = fem.Function(V, name="residual"), fem.Function(V, name="increment")
         self._owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
         size = (self._owned, V.dofmap.index_map.size_global * V.dofmap.index_map_bs)
         self._b, self._x = (PETSc.Vec().createWithArray(f.x.array[: self._owned], size=size, comm=motion.grid.comm)
-                            for f in (self.force, motion.u))
+                            for f in (self.force, self.increment))
         self._fixed = np.zeros(len(self.force.x.array), dtype=bool)
         for bc in fixed:
             dofs, _ = bc.dof_indices()
@@ -46,10 +52,11 @@ class Equilibrium:
         self._diagonal = self.matrix.createVecLeft()
         self.idle = np.zeros(self._owned, dtype=bool)
         self.ksp = _solver(self.matrix, motion, options)
-        self.iterations = 0
+        self._bent = True  # the matrix is not K at u = 0
+        self.solves = self.iterations = 0
 
     def assemble_tangent(self) -> None:
-        """K at u = 0; fixed nodes and nodes that touch no material keep a diagonal."""
+        """K with the law's tangent as it is; fixed nodes and nodes that touch no material keep a diagonal."""
         A = self.matrix
         A.zeroEntries()
         fenicsx.assemble_matrix(A, self._tangent, self.bcs)
@@ -66,26 +73,68 @@ class Equilibrium:
         A.setDiagonal(self._diagonal)
         self.ksp.setOperators(A)
 
-    def solve(self, internal: np.ndarray | None = None) -> None:
-        """Solve for the increment; ``internal`` (dofs,), N: internal force that is no form, summed at points.
+    def solve(self, internal: np.ndarray | None = None, reassemble: bool = True) -> None:
+        """Solve for the motion's u; ``internal`` (dofs,), N: internal force that is no form, summed at points.
 
-        Raises ``SolverError`` if PETSc does not converge.
+        ``reassemble`` K first; without it K at u = 0 is taken to be that of the last step.
+        Raises ``SolverError`` if PETSc or Newton does not converge.
         """
         self.motion.clear()
+        if self.yielding is not None:
+            self.yielding.clear()
+        if reassemble or self._bent:
+            self.assemble_tangent()
+            self._bent = False
+        self.refresh(internal)
+        self.correct()
+        if self.yielding is not None:
+            self.newton.iterate(self, internal)
+
+    def bend(self) -> None:
+        """K at the motion's u."""
+        self.assemble_tangent()
+        self._bent = True
+
+    def refresh(self, internal: np.ndarray | None) -> float:
+        """Assemble the residual at the motion's u; its norm over free dofs (N)."""
         r = self.force.x.array
         r[:] = 0.0 if internal is None else internal
+        if self.yielding is not None:
+            self.yielding.add_force(r)
         if self._residual is not None:
             fenicsx.assemble_vector(self.force, self._residual)
         fenicsx.gather_to_owner(self.force)
         np.negative(r, out=r)
         r[self._fixed] = 0.0
         r[: self._owned][self.idle] = 0.0
+        return self._norm() if self.yielding is not None else 0.0
+
+    def correct(self) -> None:
+        """Add K⁻¹ of the residual to the motion's u."""
+        self._b.stateIncrease()
         self.ksp.solve(self._b, self._x)
         reason = self.ksp.getConvergedReason()
-        self.iterations = self.ksp.getIterationNumber()
+        self.solves, self.iterations = self.solves + 1, self.ksp.getIterationNumber()
         if reason < 0 or not np.isfinite(self._x.norm()):
             raise SolverError(f"linear solver stopped with PETSc reason {reason} after {self.iterations} iterations")
-        self.motion.share()
+        fenicsx.share(self.increment)
+        self.motion.u.x.array[:] += self.increment.x.array
+
+    def _norm(self) -> float:
+        self._b.stateIncrease()  # else PETSc answers with the norm of what the array held before
+        return self._b.norm()
+
+    def scale(self, internal: np.ndarray | None) -> float:
+        """Size of the forces that are in equilibrium (N): loads and internal force, inertia left out."""
+        total = 0.0
+        for form in (None, *self._forces):
+            r = self.force.x.array
+            r[:] = internal if form is None and internal is not None else 0.0
+            if form is not None:
+                fenicsx.assemble_vector(self.force, form)
+            fenicsx.gather_to_owner(self.force)
+            total += self._norm()
+        return total
 
 
 def _solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | None) -> PETSc.KSP:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from mpi4py import MPI  # before dolfinx: the wheel's dolfinx finds its MPI through it
 
@@ -19,13 +21,37 @@ _JIT = {"cffi_extra_compile_args": ["-O3", "-march=native"]}
 _ADD = la.InsertMode.add if _recent else la.ScatterMode.add
 
 
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the compiler lines that DOLFINx 0.5 logs."""
+    disabled = logging.root.manager.disable
+    logging.disable(logging.INFO)
+    try:
+        yield
+    finally:
+        logging.disable(disabled)
+
+
 def space(mesh, family: str, degree: int, shape: tuple[int, ...] = ()):
     """Function space on ``mesh``; "Lagrange", or "DQ" for the discontinuous one on quadrilaterals."""
     if _recent:
         return fem.functionspace(mesh, (family, degree, shape) if shape else (family, degree))
-    if shape:
-        return fem.VectorFunctionSpace(mesh, (family, degree), dim=shape[0])
-    return fem.FunctionSpace(mesh, (family, degree))
+    with _quiet():
+        if shape:
+            return fem.VectorFunctionSpace(mesh, (family, degree), dim=shape[0])
+        return fem.FunctionSpace(mesh, (family, degree))
+
+
+def quadrature_space(mesh, degree: int, size: int):
+    """Space of ``size`` numbers at the quadrature points of ``degree``; forms must integrate with that degree."""
+    if _recent:
+        import basix.ufl
+
+        element = basix.ufl.quadrature_element(mesh.topology.cell_name(), value_shape=(size,), degree=degree)
+        return fem.functionspace(mesh, element)
+    element = ufl.VectorElement("Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default")
+    with _quiet():
+        return fem.FunctionSpace(mesh, element)
 
 
 def cell_dofs(V) -> np.ndarray:
@@ -71,7 +97,8 @@ def compile_form(form):
     if form is None or (isinstance(form, (int, float)) and form == 0) or form.empty():
         return None
     options = {"jit_options" if _recent else "jit_params": _JIT}
-    return fem.form(form, **options)
+    with _quiet():
+        return fem.form(form, **options)
 
 
 def gather(f: fem.Function) -> None:

@@ -11,12 +11,15 @@ from ufl import inner
 
 from . import fenicsx, forms, kernels, tensors
 from .equilibrium import Equilibrium
+from .gauss import GaussPoints
 from .grid import Grid
 from .motion import Motion
+from .newton import Newton, SolverError
 from .run import Run
 from .scene import Scene
 from .terms import elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
+from .yielding import YieldingElements
 
 
 class FiniteElements(Run):
@@ -29,7 +32,8 @@ class FiniteElements(Run):
     bodies = ()  # no material points
 
     def __init__(self, grid: Grid, material, stepping: Newmark | QuasiStatic, terms: Sequence,
-                 reassemble: bool = False, solver: Mapping[str, object] | None = None):
+                 reassemble: bool = False, newton: Newton | None = None,
+                 solver: Mapping[str, object] | None = None):
         super().__init__("FE", grid, stepping)
         self.material, self.reassemble = material, reassemble
         motion = self.motion = Motion(grid, stepping)
@@ -43,17 +47,31 @@ class FiniteElements(Run):
             direct = "mumps" if grid.comm.size > 1 else "petsc"
             solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": direct,
                       **(solver or {})}
-        self.equilibrium = Equilibrium(motion, sum(c.work for c in self.contributions), scene.fixed, solver)
+        self.yielding = YieldingElements(motion, GaussPoints(grid), material) if material.history else None
+        self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
 
     def step(self) -> None:
         """One step of length ``stepping.dt``.  Raises ``RunError`` naming step and time."""
         with self.reported():
-            self.scene.prepare(self.time, self.next_time)
-            if self.reassemble or not self.steps:
-                self.equilibrium.assemble_tangent()
-            self.equilibrium.solve()
-            self.carry()
+            self.advance(self.time, self.next_time)
         self.finish()
+
+    def advance(self, start: float, end: float, cut: int = 0) -> None:
+        """From ``start`` to ``end`` (s); a step that cannot be solved is halved, Newton's ``cuts`` times."""
+        stepping = self.stepping.part(0.5**cut)
+        reassemble = self.reassemble or stepping != self.motion.stepping
+        self.motion.use(stepping)
+        self.scene.prepare(start, end)
+        try:
+            self.equilibrium.solve(reassemble=reassemble)
+        except SolverError:
+            if self.yielding is None or cut == self.equilibrium.newton.cuts:
+                raise
+            middle = 0.5 * (start + end)
+            self.advance(start, middle, cut + 1)
+            self.advance(middle, end, cut + 1)
+        else:
+            self.carry()
 
     def carry(self) -> None:
         """Displacement, velocity and acceleration at the end of the step."""
@@ -61,7 +79,10 @@ class FiniteElements(Run):
         if self.stepping.dynamic:
             motion.nodal(motion.v)[:], motion.nodal(motion.a)[:] = motion.end()
         self.displacement.x.array[:] += motion.u.x.array
+        if self.yielding is not None:
+            self.yielding.carry()
         self.scene.carry()
+        self.collect()
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 
@@ -81,6 +102,8 @@ class FiniteElements(Run):
     def stress(self, cells: np.ndarray) -> np.ndarray:
         """Stress rows (n, components), Pa, at the centres of ``cells``."""
         grid = self.grid
+        if self.yielding is not None:
+            return self.yielding.state.reshape(grid.cells, -1, self.yielding.state.shape[1])[cells].mean(axis=1)
         slope = (2 * kernels.digits(2, grid.dim) - 1) / 2 ** (grid.dim - 1)  # ∂N/∂ξ at the centre
         x = grid.mesh.geometry.x[fenicsx.cell_vertices(grid.mesh)[cells]][..., : grid.dim]
         u = self.motion.nodal(self.displacement)[fenicsx.cell_dofs(grid.space)[cells]]
@@ -100,11 +123,14 @@ class FiniteElements(Run):
     def _energies(self) -> dict[str, object]:
         motion, scene = self.motion, self.scene
         ε = forms.strain(self.displacement)
-        found = {"strain": 0.5 * inner(forms.hooke(*self._lame, ε), ε) * scene.dx}
+        found = {"strain": 0.5 * inner(forms.hooke(*self._lame, ε), ε) * scene.dx} if self.yielding is None else {}
         if self.stepping.dynamic:
             found["kinetic"] = 0.5 * inner(scene.density * motion.v, motion.v) * scene.dx
         return {name: fenicsx.compile_form(form) for name, form in found.items()}
 
     def energy(self) -> dict[str, float]:
-        """Kinetic and strain energy (J) of this rank's cells."""
-        return {name: fem.assemble_scalar(form) for name, form in self._energies.items()}
+        """Kinetic and strain energy and plastic work (J) of this rank's cells."""
+        found = {name: fem.assemble_scalar(form) for name, form in self._energies.items()}
+        if self.yielding is not None:
+            found.update(self.yielding.energy(self.grid.owned_cells))
+        return found

@@ -5,7 +5,10 @@ A field projected from material points and a constant of a finite element run ar
 
 from __future__ import annotations
 
-from ufl import Identity, grad, inner, outer, sym, tr
+import numpy as np
+from ufl import Identity, as_matrix, as_vector, grad, inner, outer, sym, tr
+
+from .tensors import SHEAR
 
 
 def strain(u):
@@ -16,6 +19,29 @@ def strain(u):
 def hooke(λ, μ, ε):
     """Isotropic elastic stress."""
     return λ * tr(ε) * Identity(ε.ufl_shape[0]) + 2 * μ * ε
+
+
+def row(ε):
+    """In-plane strain as a vector with engineering shear strains, in the order of ``tensors``."""
+    dim = ε.ufl_shape[0]
+    return as_vector([ε[i, i] for i in range(dim)] + [2 * ε[i, j] for i, j in SHEAR[dim]])
+
+
+def symmetric(numbers):
+    """Symmetric matrix of its upper triangle, row by row."""
+    size = int((8 * len(numbers) + 1) ** 0.5 - 1) // 2
+    at = {pair: k for k, pair in enumerate(zip(*np.triu_indices(size), strict=True))}
+    return as_matrix([[numbers[at[min(i, j), max(i, j)]] for j in range(size)] for i in range(size)])
+
+
+def plastic_work(stress, w):
+    """Virtual work of ``stress`` given as a row of numbers (Pa)."""
+    return inner(stress, row(strain(w)))
+
+
+def plastic_stiffness(tangent, u, w):
+    """Its derivative, ``tangent`` the upper triangle of ∂σ/∂ε (Pa)."""
+    return inner(symmetric(tangent) * row(strain(u)), row(strain(w)))
 
 
 def inertia(density, acceleration, w):

@@ -31,9 +31,11 @@ class Motion:
             fields = (self.u, self.v, self.a)
             self.velocity, self.acceleration = (sum(c[i] * f for i, f in enumerate(fields)) for c in self._factors)
 
-    def use(self, stepping: Newmark) -> None:
+    def use(self, stepping: Newmark | QuasiStatic) -> None:
         """Take the factors of another time step."""
         self.stepping = stepping
+        if not stepping.dynamic:
+            return
         self._factors[0].value[:] = stepping.velocity
         self._factors[1].value[:] = stepping.acceleration
         self.dt.value = np.array(stepping.dt)

@@ -68,6 +68,8 @@ class MaterialPoints:
     stress: np.ndarray | None = None
     velocity: np.ndarray | None = None
     acceleration: np.ndarray | None = None
+    history: np.ndarray | None = None  # (n, k): what the material remembers, if it does
+    size: np.ndarray | None = None  # (n,), m: of the point's first cell, where the material softens by it
     exposed: np.ndarray | None = None  # (n, dim, 2): faces of the support domain on the body's edge
     seat: np.ndarray | None = None  # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
     mass: np.ndarray = field(init=False)
@@ -77,10 +79,13 @@ class MaterialPoints:
         if self.x.ndim != 2 or self.dim not in (2, 3):
             raise ValueError(f"x must be (n, 2) or (n, 3), got {self.x.shape}")
         n, dim = self.x.shape
+        if self.history is None and self.material.history:
+            self.history = np.zeros((n, len(self.material.history)))
         if self.stress is None:
             self.stress = np.zeros((n, tensors.components(dim)))
         shapes = {"x": (n, dim), "half": (n, dim), "volume": (n,), "stress": (n, tensors.components(dim)),
-                  "velocity": (n, dim), "acceleration": (n, dim)}
+                  "velocity": (n, dim), "acceleration": (n, dim),
+                  "history": (n, len(self.material.history)), "size": (n,)}
         for name, shape in shapes.items():
             if getattr(self, name) is not None:
                 value = np.array(getattr(self, name), float)
@@ -144,7 +149,9 @@ class MaterialPoints:
         if jitter:
             seat, rng = x, np.random.default_rng([seed, grid.comm.rank])
             x = x + rng.uniform(-jitter, jitter, x.shape) * 2 * half
-        return cls(material, x, half, (2 * half).prod(axis=1), exposed=exposed, seat=seat)
+        volume = (2 * half).prod(axis=1)
+        size = (volume * per_cell) ** (1 / dim) if material.length else None
+        return cls(material, x, half, volume, size=size, exposed=exposed, seat=seat)
 
     def deform(self, u: np.ndarray, gradient: np.ndarray, smooth: np.ndarray) -> None:
         """Move by displacement increments u (n, dim); stretch with displacement gradients (n, dim, dim).

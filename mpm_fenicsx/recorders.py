@@ -66,12 +66,13 @@ class Probe(Series):
 class Energy(Series):
     """Where the energy is (J; J per metre in plane strain).
 
-    ``energy["work"]`` done by tractions and gravity, ``"kinetic"``, ``"strain"``, ``"absorbed"`` by dashpots,
-    ``"stored"`` in springs: arrays (n,) since attaching.  What the scene does not have stays zero and costs nothing.
+    ``energy["work"]`` done by tractions and gravity, ``"kinetic"``, ``"strain"``, ``"plastic"`` work, ``"absorbed"``
+    by dashpots, ``"stored"`` in springs: arrays (n,) since attaching.  What the scene does not have stays zero and
+    costs nothing.
     ``lost`` is the rest of the balance: dissipation of the method, or its error.
     """
 
-    NAMES = ("work", "kinetic", "strain", "absorbed", "stored")
+    NAMES = ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
 
     def attach(self, run: Run) -> None:
         """Compile what the scene's terms do to the energy in a step."""
@@ -83,13 +84,16 @@ class Energy(Series):
         self._sums = dict.fromkeys(self.NAMES, 0.0)
         self._start = dict.fromkeys(self.NAMES, 0.0)
         self._start.update(self._now(run))
+        run.collectors.append(self._collect)
         self._note(run)
 
     def __call__(self, run: Run) -> None:
-        """Add what the step did."""
+        """Write down where the energy is now."""
+        self._note(run)
+
+    def _collect(self, run: Run) -> None:
         for name, form in self._forms.items():
             self._sums[name] += run.grid.comm.allreduce(fem.assemble_scalar(form), op=MPI.SUM)
-        self._note(run)
 
     def _now(self, run: Run) -> dict[str, float]:
         return {name: run.grid.comm.allreduce(value, op=MPI.SUM) for name, value in run.energy().items()}
@@ -109,7 +113,7 @@ class Energy(Series):
     @property
     def lost(self) -> np.ndarray:
         """Work, and energy at the start, that is found nowhere (n,), J."""
-        spent = self.left - self._start["kinetic"] - self._start["strain"] + self["absorbed"] + self["stored"]
+        spent = sum(self[name] - self._start[name] for name in self.NAMES[1:])
         return self["work"] - spent
 
 

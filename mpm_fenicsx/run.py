@@ -8,8 +8,8 @@ from contextlib import contextmanager
 import numpy as np
 
 from .checks import finite
-from .equilibrium import SolverError
 from .grid import Grid
+from .newton import SolverError
 from .time_stepping import Newmark, QuasiStatic
 
 FIELDS = ("displacement", "velocity", "acceleration", "stress")
@@ -26,6 +26,7 @@ class Run:
         self.name, self.grid, self.stepping = name, grid, stepping
         self.steps = 0
         self.recorders: list[Callable] = []
+        self.collectors: list[Callable] = []
 
     @property
     def time(self) -> float:
@@ -68,6 +69,11 @@ class Run:
         self.steps += 1
         for recorder in self.recorders:
             recorder(self)
+
+    def collect(self) -> None:
+        """After each solve, of which a step can need several: what adds up over time is added up."""
+        for collector in self.collectors:
+            collector(self)
 
     @contextmanager
     def reported(self) -> Iterator[None]:

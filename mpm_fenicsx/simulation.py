@@ -5,44 +5,26 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-import ufl
-from dolfinx import fem
 
-from . import fenicsx, forms, tensors
-from .checks import whole
+from . import tensors
 from .composite import Composite
 from .equilibrium import Equilibrium
+from .gauss import GaussPoints
 from .grid import Grid
 from .mapping import DM_GC
 from .mapping import Mapping as PointMapping
 from .motion import Motion
+from .newton import Newton, SolverError
 from .partition import anywhere
 from .points import MaterialPoints
-from .projection import Projection
+from .projection import DOUBLE_MAPPED, Projection
 from .run import Run, RunError
 from .scene import Scene
 from .shapes import Stencil
 from .terms import elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
-
-
-def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, dt: float) -> None:
-    """Points carry their acceleration: v += Δt/2 (a + a₁(x_p)), then a = a₁(x_p)."""
-    a_end = at_points(after[1])
-    v += 0.5 * dt * (a + a_end)
-    a[:] = a_end
-
-
-def flip(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, dt: float) -> None:
-    """Points take the grid's change of velocity: v += (v₁ − v₀)(x_p), and its acceleration."""
-    v += at_points(after[0] - before[0])
-    a[:] = at_points(after[1])
-
-
-def _divide(nodal: np.ndarray, mass: np.ndarray) -> None:
-    """Divide nodal values (nodes, f) by nodal mass (nodes, 1); zero where there is none."""
-    np.divide(nodal, mass, out=nodal, where=mass > 0.0)
-    nodal[mass[:, 0] <= 0.0] = 0.0
+from .velocities import Deposit, trapezoidal
+from .yielding import Yielding, YieldingPoints
 
 
 class Simulation(Run):
@@ -51,18 +33,19 @@ class Simulation(Run):
     ``points``: one body or several; ``stepping``: Newmark or QuasiStatic; ``terms``: boundaries and loads;
     ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take velocities from the grid;
     ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass in the deposit of velocities (see
-    ``predict``), 0 for division by the lumped mass alone, as in the paper; ``solver``: PETSc options.
+    ``Deposit``), 0 for division by the lumped mass alone, as in the paper; ``solver``: PETSc options.
+    ``newton``: when to stop where a body can yield.
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
     def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
                  terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
-                 sweeps: int = 1, solver: Mapping[str, object] | None = None):
+                 sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None):
         self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
         if not self.bodies:
             raise ValueError("points: there is no body")
         super().__init__(mapping.name, grid, stepping)
-        self.mapping, self.transfer, self.sweeps = mapping, transfer, whole("sweeps", sweeps, least=0)
+        self.mapping, self.transfer = mapping, transfer
         motion = self.motion = Motion(grid, stepping)
         self.cells = [self._locate_first(body) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
@@ -73,14 +56,11 @@ class Simulation(Run):
         scene = self.scene = Scene(grid, motion, density, dx)
         internal = [elasticity(scene, λ, μ)] + ([inertia(scene)] if stepping.dynamic else [])
         self.contributions = internal + [term.bind(scene) for term in terms]
-        self.equilibrium = Equilibrium(motion, sum(c.work for c in self.contributions), scene.fixed, solver)
+        self.yielding = self._can_yield()
+        self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
         self._internal = np.zeros((grid.nodes, grid.dim))
         if stepping.dynamic:
-            V = fenicsx.space(grid.mesh, "Lagrange", 1, (1 + 2 * grid.dim,))
-            self._deposit = fem.Function(V)
-            if self.sweeps:
-                self._smooth = fem.Function(V)
-                self._averaging = fenicsx.compile_form(forms.inertia(density, self._deposit, ufl.TestFunction(V)) * dx)
+            self.deposit = Deposit(motion, density, dx, sweeps)
             for body in self.bodies:
                 for name in ("velocity", "acceleration"):
                     value = getattr(body, name)
@@ -91,12 +71,26 @@ class Simulation(Run):
     def step(self) -> None:
         """One step of length ``stepping.dt``.  Raises ``RunError`` naming step and time; what is recorded stays."""
         with self.reported():
-            self.locate()
-            self.project()
-            self.predict()
-            self.solve()
-            self.carry()
+            self.advance(self.time, self.next_time)
         self.finish()
+
+    def advance(self, start: float, end: float, cut: int = 0) -> None:
+        """From ``start`` to ``end`` (s); a step that cannot be solved is halved, Newton's ``cuts`` times."""
+        self.motion.use(self.stepping.part(0.5**cut))
+        self.locate()
+        self.project()
+        self.scene.prepare(start, end)
+        self.predict()
+        try:
+            self.solve()
+        except SolverError:
+            if self.yielding is None or cut == self.equilibrium.newton.cuts:
+                raise
+            middle = 0.5 * (start + end)
+            self.advance(start, middle, cut + 1)
+            self.advance(middle, end, cut + 1)
+        else:
+            self.carry()
 
     def locate(self) -> None:
         """Cell, weights and gradients of every point."""
@@ -122,35 +116,13 @@ class Simulation(Run):
             λ, μ = body.material.lame
             self.projection.add(stencil, np.stack((body.mass, body.volume * λ, body.volume * μ), axis=1))
         self.projection.finish()
-        self.scene.prepare(self.time, self.next_time)
+        if self.yielding is not None:
+            self.yielding.place()
 
     def predict(self) -> None:
-        """Nodal velocity and acceleration before the step, from the points.
-
-        Division of nodal momentum by nodal mass smooths: M̄⁻¹M, the mean of neighbours, is left in it.  Each sweep
-        v += v₁ − M̄⁻¹M v, with the consistent mass M, its row sums M̄ and v₁ the divided values, takes some of it out.
-        """
-        if not self.stepping.dynamic:
-            return
-        dim = self.grid.dim
-        nodal = self._deposit.x.array.reshape(self.grid.nodes, -1)
-        nodal[:] = 0.0
-        for body, stencil in zip(self.bodies, self.stencils, strict=True):
-            mass = body.mass[:, None]
-            stencil.deposit(np.hstack((mass, mass * body.velocity, mass * body.acceleration)), nodal)
-        fenicsx.gather(self._deposit)
-        _divide(nodal, nodal[:, :1].copy())
-        if self.sweeps:
-            divided, smooth = nodal.copy(), self._smooth.x.array.reshape(nodal.shape)
-            for _ in range(self.sweeps):
-                nodal[:, 0] = 1.0
-                smooth[:] = 0.0
-                fenicsx.assemble_vector(self._smooth, self._averaging)
-                fenicsx.gather(self._smooth)
-                _divide(smooth, smooth[:, :1].copy())
-                nodal += divided - smooth
-        self.motion.nodal(self.motion.v)[:] = nodal[:, 1 : 1 + dim]
-        self.motion.nodal(self.motion.a)[:] = nodal[:, 1 + dim :]
+        """Nodal velocity and acceleration before the step, from the points."""
+        if self.stepping.dynamic:
+            self.deposit.predict(self.bodies, self.stencils)
 
     def solve(self) -> None:
         """Internal force at the points, tangent of the fields, one linear solve."""
@@ -158,7 +130,6 @@ class Simulation(Run):
         for body, stencil in zip(self.bodies, self.stencils, strict=True):
             stress = tensors.matrix(body.stress, self.grid.dim)
             stencil.deposit_divergence(body.volume[:, None, None] * stress, self._internal)
-        self.equilibrium.assemble_tangent()
         self.equilibrium.solve(self._internal.ravel())
 
     def carry(self) -> None:
@@ -171,15 +142,17 @@ class Simulation(Run):
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             smooth = stencil.gradient_at_points(u)
             gradient = self.composite.gradient_at_points(body.x, cell, u) if self.composite else smooth
-            body.stress = body.material.update(tensors.strain(gradient), body.stress)
+            state = body.stress, body.history, body.size
+            body.stress, body.history = body.material.respond(tensors.strain(gradient), *state)
             if self.stepping.dynamic:
-                self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, self.stepping.dt)
+                self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping.dt)
             try:
                 body.deform(stencil.at_points(u), gradient, smooth)
             except ValueError as error:
                 message = str(error)
         self._stop_together(message)
         self.scene.carry()
+        self.collect()
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 
@@ -196,7 +169,9 @@ class Simulation(Run):
 
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's points."""
-        found = {"strain": sum(float(body.volume @ body.material.energy(body.stress)) for body in self.bodies)}
+        found = {"plastic": sum(float(body.volume @ body.material.plastic_work(body.history, body.size))
+                                for body in self.bodies if body.material.history)}
+        found["strain"] = sum(float(body.volume @ body.material.energy(body.stress)) for body in self.bodies)
         if self.stepping.dynamic:
             found["kinetic"] = sum(0.5 * float(body.mass @ (body.velocity**2).sum(axis=1)) for body in self.bodies)
         return found
@@ -207,6 +182,14 @@ class Simulation(Run):
         if self.stepping.dynamic:
             nodal["velocity"] = self.motion.end()[0]
         return nodal, {}
+
+    def _can_yield(self) -> Yielding | None:
+        """What yielding adds to the step, where some body can."""
+        if not any(body.material.history for body in self.bodies):
+            return None
+        if self.mapping.integrate is DOUBLE_MAPPED:
+            return YieldingPoints(self.motion, GaussPoints(self.grid), self.bodies, self.stencils)
+        raise ValueError(f"mapping {self.mapping} takes elastic bodies only")
 
     def _locate_first(self, body: MaterialPoints) -> np.ndarray:
         if body.dim != self.grid.dim:

@@ -46,3 +46,8 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
     """Deviatoric stress q = √(3 J₂) (n,) of stress rows (n, components)."""
     normal = stress[:, :3] - mean(stress)[:, None]
     return np.sqrt(1.5 * (normal**2).sum(axis=1) + 3.0 * (stress[:, 3:] ** 2).sum(axis=1))
+
+
+def in_plane(dim: int) -> np.ndarray:
+    """Components that do work in the plane: (xx, yy, xy) of a plane strain row, all six in 3D."""
+    return np.array([*range(dim), *range(3, components(dim))])

@@ -28,7 +28,8 @@ def elasticity(scene: Scene, λ, μ, before=None) -> Contribution:
     """Virtual work of the stress of the increment u, on top of the displacement ``before`` if that is given."""
     motion = scene.motion
     u = motion.u if before is None else before + motion.u
-    return Contribution(forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), motion.w) * scene.dx)
+    work = forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), motion.w) * scene.dx
+    return Contribution(work, force=0 if before is None else work)
 
 
 @dataclass(frozen=True)
@@ -68,8 +69,9 @@ class Traction:
         function, placed = as_load("value of Traction", self.value, scene.grid.dim)
         patch, motion = scene.patch(self.on), scene.motion
         t = patch.load(function, placed)
-        return Contribution(-forms.load(t, motion.w) * patch.measure, lambda: {
-            "work": forms.load(patch.load(function, placed, mean=True), motion.u) * patch.measure})
+        work = -forms.load(t, motion.w) * patch.measure
+        return Contribution(work, lambda: {
+            "work": forms.load(patch.load(function, placed, mean=True), motion.u) * patch.measure}, work)
 
 
 @dataclass(frozen=True)
@@ -91,8 +93,8 @@ class Gravity:
             mean.value[:] = 0.5 * (function(start, nowhere) + function(end, nowhere))
 
         scene.before.append(refresh)
-        return Contribution(-forms.load(scene.density * g, motion.w) * scene.dx,
-                            lambda: {"work": forms.load(scene.density * mean, motion.u) * scene.dx})
+        work = -forms.load(scene.density * g, motion.w) * scene.dx
+        return Contribution(work, lambda: {"work": forms.load(scene.density * mean, motion.u) * scene.dx}, work)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ with v, a at the start of the step.  The factors serve NumPy arrays and, as cons
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .checks import finite, positive, whole
 
@@ -36,6 +36,10 @@ class Newmark:
             raise ValueError(f"Newmark is unconditionally stable for 2 beta >= gamma >= 1/2 only, "
                              f"got beta={self.beta}, gamma={self.gamma}")
 
+    def part(self, share: float) -> Newmark:
+        """The same rule with a part of the step."""
+        return replace(self, dt=share * self.dt)
+
     @property
     def velocity(self) -> Factors:
         """Factors of u, v, a in the velocity at the end of the step."""
@@ -62,6 +66,10 @@ class QuasiStatic:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "steps", whole("steps", self.steps))
+
+    def part(self, share: float) -> QuasiStatic:
+        """The same: nothing in it depends on the length of a step."""
+        return self
 
     @property
     def dt(self) -> float:

@@ -113,6 +113,7 @@ def still(dim: int, mapping) -> dict:
     run = Simulation(grid, body, Newmark(1e-4), terms, mapping)
     run.locate()
     run.project()
+    run.scene.prepare(run.time, run.next_time)
     run.predict()
     run.solve()
     dynamic = Simulation(grid, body_of(grid)[0], Newmark(1e-4), [], mapping)
@@ -121,6 +122,7 @@ def still(dim: int, mapping) -> dict:
     for name, part in (("all", run), ("inertia", dynamic), ("stiffness", static)):
         part.locate()
         part.project()
+        part.scene.prepare(part.time, part.next_time)
         part.equilibrium.assemble_tangent()
         out[name] = action(grid, part.equilibrium.matrix)
         out[f"norm of {name}"] = {"": [part.equilibrium.matrix.norm()]}

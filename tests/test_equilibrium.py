@@ -59,6 +59,7 @@ def scene(request):
         run.step()
         run.locate()
         run.project()
+        run.scene.prepare(run.time, run.next_time)
         run.predict()
         return run, on
     return make

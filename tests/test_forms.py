@@ -37,6 +37,7 @@ def test_a_rigid_motion_gives_no_force(grid, rng, mapping):
     run = Simulation(grid, body, QuasiStatic(1), [], mapping)
     run.locate()
     run.project()
+    run.scene.prepare(run.time, run.next_time)
     run.equilibrium.assemble_tangent()
     K = dense.dense(run.equilibrium.matrix)
     K[run.equilibrium.idle] = 0.0

@@ -22,6 +22,7 @@ class LinearElastic:
     density: float
 
     history = ()
+    length = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "young", positive("young", self.young))

@@ -207,6 +207,13 @@ class VonMises:
         """Plastic work per volume (n,), J/m³, between two histories: backward Euler, σ_after : Δεᵖ = q_after Δκ."""
         return self.strength(after, size) * (after[:, 0] - before[:, 0])
 
+    def plastic_work(self, history, size=None) -> np.ndarray:
+        """Plastic work per volume (n,), J/m³, since κ = 0: ∫ q dκ."""
+        κ, h = history[:, 0], self.modulus(size)
+        with np.errstate(divide="ignore"):
+            soft = np.minimum(κ, np.where(h > 0, (self.peak - self.residual) / h, np.inf))
+        return SQRT3 * (self.peak * soft - 0.5 * h * soft**2 + self.residual * (κ - soft))
+
     def _prepare(self, strain, stress, history, size):
         """Arrays of the kernels, refused unless their shapes agree: compiled loops do not look."""
         strain, stress, history = (np.ascontiguousarray(a, float) for a in (strain, stress, history))

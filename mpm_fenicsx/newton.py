@@ -1,0 +1,55 @@
+"""Newton's iteration, and when to stop it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from .checks import positive, whole
+
+
+class SolverError(RuntimeError):
+    """A step that could not be solved; says why."""
+
+
+@dataclass(frozen=True)
+class Newton:
+    """Newton's method with a line search on the norm of the residual.
+
+    ``tolerance``: largest residual (-), relative to internal and external forces without inertia, or None for one
+    solve a step whatever is left (linearly implicit); ``iterations``: solves a step; ``halvings`` of an increment
+    that does not reduce the residual; ``cuts``: how often a step that fails is halved before it is given up.
+    """
+
+    tolerance: float | None = 1e-6
+    iterations: int = 20
+    halvings: int = 6
+    cuts: int = 3
+
+    def __post_init__(self) -> None:
+        if self.tolerance is not None:
+            object.__setattr__(self, "tolerance", positive("tolerance", self.tolerance))
+        object.__setattr__(self, "iterations", whole("iterations", self.iterations))
+        for name in ("halvings", "cuts"):
+            object.__setattr__(self, name, whole(name, getattr(self, name), least=0))
+
+    def iterate(self, equilibrium, internal) -> None:
+        """Go on from the first solve.  Raises ``SolverError`` with the residuals if it does not converge."""
+        u, increment, law = equilibrium.motion.u.x, equilibrium.increment.x, equilibrium.yielding
+        if self.tolerance is None or not law.evaluate():
+            return  # the step was linear, and is solved
+        allowed = self.tolerance * equilibrium.scale(internal)
+        norms = [equilibrium.refresh(internal)]
+        while norms[-1] > allowed:
+            if len(norms) >= self.iterations:
+                found = ", ".join(f"{norm / allowed * self.tolerance:.1e}" for norm in norms)
+                raise SolverError(f"Newton does not converge, relative residuals {found}; allowed {self.tolerance:.1e}")
+            equilibrium.bend()
+            equilibrium.correct()
+            law.evaluate()
+            norm, share = equilibrium.refresh(internal), 1.0
+            while norm > (1.0 - 1e-4 * share) * norms[-1] and share > 0.5**self.halvings:
+                share *= 0.5
+                u.array[:] -= share * increment.array
+                law.evaluate()
+                norm = equilibrium.refresh(internal)
+            norms.append(norm)

@@ -1,0 +1,75 @@
+"""Velocity and acceleration between points and grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from . import fenicsx, forms
+from .checks import whole
+from .motion import Motion
+from .points import MaterialPoints
+from .shapes import Stencil
+
+
+class Deposit:
+    """Nodal velocity and acceleration before the step, from the points.
+
+    Division of nodal momentum by nodal mass smooths: M̄⁻¹M, the mean of neighbours, is left in it.  Each of ``sweeps``
+
+        v += v₁ − M̄⁻¹M v
+
+    with the consistent mass M, its row sums M̄ and v₁ the divided values takes some of it out.
+    """
+
+    def __init__(self, motion: Motion, density, dx: ufl.Measure, sweeps: int):
+        self.motion, self.sweeps = motion, whole("sweeps", sweeps, least=0)
+        V = fenicsx.space(motion.grid.mesh, "Lagrange", 1, (1 + 2 * motion.grid.dim,))
+        self._sums = fem.Function(V)  # mass, momentum, mass times acceleration
+        if self.sweeps:
+            self._smooth = fem.Function(V)
+            self._averaging = fenicsx.compile_form(forms.inertia(density, self._sums, ufl.TestFunction(V)) * dx)
+
+    def predict(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil]) -> None:
+        """Set the motion's v and a."""
+        grid = self.motion.grid
+        nodal = self._sums.x.array.reshape(grid.nodes, -1)
+        nodal[:] = 0.0
+        for body, stencil in zip(bodies, stencils, strict=True):
+            mass = body.mass[:, None]
+            stencil.deposit(np.hstack((mass, mass * body.velocity, mass * body.acceleration)), nodal)
+        fenicsx.gather(self._sums)
+        _divide(nodal, nodal[:, :1].copy())
+        if self.sweeps:
+            divided, smooth = nodal.copy(), self._smooth.x.array.reshape(nodal.shape)
+            for _ in range(self.sweeps):
+                nodal[:, 0] = 1.0
+                smooth[:] = 0.0
+                fenicsx.assemble_vector(self._smooth, self._averaging)
+                fenicsx.gather(self._smooth)
+                _divide(smooth, smooth[:, :1].copy())
+                nodal += divided - smooth
+        self.motion.nodal(self.motion.v)[:] = nodal[:, 1 : 1 + grid.dim]
+        self.motion.nodal(self.motion.a)[:] = nodal[:, 1 + grid.dim :]
+
+
+def _divide(nodal: np.ndarray, mass: np.ndarray) -> None:
+    """Divide nodal values (nodes, f) by nodal mass (nodes, 1); zero where there is none."""
+    np.divide(nodal, mass, out=nodal, where=mass > 0.0)
+    nodal[mass[:, 0] <= 0.0] = 0.0
+
+
+def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, dt: float) -> None:
+    """Points carry their acceleration: v += Δt/2 (a + a₁(x_p)), then a = a₁(x_p)."""
+    a_end = at_points(after[1])
+    v += 0.5 * dt * (a + a_end)
+    a[:] = a_end
+
+
+def flip(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, dt: float) -> None:
+    """Points take the grid's change of velocity: v += (v₁ − v₀)(x_p), and its acceleration."""
+    v += at_points(after[0] - before[0])
+    a[:] = at_points(after[1])

@@ -1,0 +1,202 @@
+"""What yielding takes off the elastic step, at the Gauss points.
+
+The forms carry the elastic response to the increment u; here the rest of the law is added,
+
+    S_g = Σ_p w_gp [σ(state_p; Δε_g) − σ_p − C_p : Δε_g],    D_g = Σ_p w_gp [∂σ/∂ε − C_p],
+
+w_gp = Σ_i N_i(x_g) S*_ip W_p / m_i: the double mapping of eq. (7), applied to the constitutive law itself instead of
+to its moduli.  Where nothing yields both are zero and the step is the linear one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import ufl
+
+from . import forms, tensors
+from .gauss import GaussField, GaussPoints, measure
+from .kernels import digits, jit
+from .motion import Motion
+from .points import MaterialPoints
+from .projection import DOUBLE_MAPPED
+from .shapes import Stencil
+
+
+@jit
+def _count(side):
+    """Cells that each point's support domain touches, all together."""
+    total = 0
+    for p in range(len(side)):
+        cells = 1
+        for d in range(side.shape[1]):
+            cells *= 2 if side[p, d] != 0 else 1
+        total += cells
+    return total
+
+
+@jit
+def _pair(side, span, share, cell, volume, neighbour, dual, place, digit, corners, cell_volume, point, gauss, weight):
+    """Pairs of a point and a Gauss point that it reaches, with w_gp |c|-weighted; returns their number.
+
+    ``place`` (2,) reference coordinates of the Gauss points along a direction, ``dual`` as in ``Projection``.
+    """
+    n, dim = side.shape
+    line = np.empty((dim, 2, 2))
+    m = 0
+    for p in range(n):
+        crossed = 0
+        for d in range(dim):
+            crossed += side[p, d] != 0
+            for s in range(2):
+                mean = 0.5 * (span[p, d, s, 0] + span[p, d, s, 1])
+                low = dual[0, 0] + dual[0, 1] * mean
+                high = dual[1, 0] + dual[1, 1] * mean
+                for b in range(2):
+                    line[d, s, b] = share[p, d, s] * ((1 - place[b]) * low + place[b] * high)
+        for k in range(len(corners) if crossed else 1):
+            c = cell[p]
+            for d in range(dim):
+                if corners[k, d]:
+                    c = neighbour[c, d, (side[p, d] + 1) // 2] if side[p, d] != 0 and c >= 0 else -1
+            if c < 0:
+                continue
+            for q in range(digit.shape[1]):
+                w = volume[p] / cell_volume[c]
+                for d in range(dim):
+                    w *= line[d, corners[k, d], digit[c, q, d]]
+                if w > 0.0:
+                    point[m], gauss[m], weight[m] = p, c * digit.shape[1] + q, w
+                    m += 1
+    return m
+
+
+@jit
+def _add(gauss, weight, values, out):
+    """out_g += w q for the pairs' values (m, f)."""
+    for m in range(len(gauss)):
+        for f in range(values.shape[1]):
+            out[gauss[m], f] += weight[m] * values[m, f]
+
+
+class Yielding:
+    """Stress and tangent that the law adds to the elastic response, as fields at the Gauss points."""
+
+    def __init__(self, motion: Motion, gauss: GaussPoints):
+        self.motion, self.gauss = motion, gauss
+        grid = motion.grid
+        self._plane = tensors.in_plane(grid.dim)
+        self._upper = np.triu_indices(len(self._plane))
+        self.stress = GaussField(grid, len(self._plane))
+        self.tangent = GaussField(grid, len(self._upper[0]))
+        dx, trial = measure(grid), ufl.TrialFunction(grid.space)
+        self.work = forms.plastic_work(self.stress.function, motion.w) * dx
+        self.stiffness = forms.plastic_stiffness(self.tangent.function, trial, motion.w) * dx
+        self.active = False
+
+    def clear(self) -> None:
+        """Nothing yields."""
+        self.active = False
+        self.stress.rows[:] = self.tangent.rows[:] = 0.0
+
+    def evaluate(self) -> bool:
+        """Refresh both fields for the motion's u; True where anything yields on any rank."""
+        self.clear()
+        strain = self.gauss.strain(self.motion.nodal(self.motion.u))
+        self._respond(strain)
+        self.active = bool(self.motion.grid.comm.allreduce(int(self.active)))
+        return self.active
+
+    def add_force(self, internal: np.ndarray) -> None:
+        """Add what is no form to the internal force (dofs,), N: nothing here."""
+
+    def _respond(self, strain: np.ndarray) -> None:
+        raise NotImplementedError
+
+    def _law(self, material, strain, stress, history, size) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Rows that yield, and for them the stress and tangent beyond elasticity, in the plane."""
+        _, after = material.respond(strain, stress, history, size)
+        rows = np.flatnonzero((after != history).any(axis=1))
+        ε, σ = strain[rows], stress[rows]
+        new, _, tangent = material.tangent(ε, σ, history[rows], size if size is None else size[rows])
+        plane, (i, j) = self._plane, self._upper
+        elastic = material.elastic.tangent(ε[:1], σ[:1], None)[2]
+        beyond = (new - material.elastic.update(ε, σ))[:, plane]
+        return rows, beyond, (tangent - elastic)[:, plane[i], plane[j]]
+
+
+class YieldingPoints(Yielding):
+    """The laws of material points, double-mapped.
+
+    Each point is asked at every Gauss point that its support domain reaches.
+    """
+
+    def __init__(self, motion: Motion, gauss: GaussPoints, bodies: Sequence[MaterialPoints],
+                 stencils: Sequence[Stencil]):
+        super().__init__(motion, gauss)
+        self._dual, self._corners = DOUBLE_MAPPED.dual, digits(2, motion.grid.dim)
+        self._place = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+        self._bodies = [(body, stencil) for body, stencil in zip(bodies, stencils, strict=True)
+                        if body.material.history]
+        self._pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+
+    def place(self) -> None:
+        """Find the pairs for the points where they are now."""
+        lat = self.motion.grid.lattice
+        self._pairs = []
+        for body, at in self._bodies:
+            most = _count(at.side) * self.gauss.digit.shape[1]
+            point, where, weight = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
+            found = _pair(at.side, at.span, at.share, at.cell, body.volume, lat.neighbour, self._dual, self._place,
+                          self.gauss.digit, self._corners, lat.volume, point, where, weight)
+            self._pairs.append((point[:found], where[:found], weight[:found]))
+
+    def _respond(self, strain: np.ndarray) -> None:
+        for (body, _), (point, where, weight) in zip(self._bodies, self._pairs, strict=True):
+            size = None if body.size is None else body.size[point]
+            state = body.stress[point], body.history[point], size
+            rows, stress, tangent = self._law(body.material, strain[where], *state)
+            if len(rows):
+                self.active = True
+                _add(where[rows], weight[rows], stress, self.stress.rows)
+                _add(where[rows], weight[rows], tangent, self.tangent.rows)
+        self.stress.gather()
+        self.tangent.gather()
+
+
+class YieldingElements(Yielding):
+    """The law at the Gauss points of finite elements, which carry stress (points, components) and history."""
+
+    def __init__(self, motion: Motion, gauss: GaussPoints, material):
+        super().__init__(motion, gauss)
+        self.material = material
+        self.state = np.zeros((len(gauss), tensors.components(motion.grid.dim)))
+        self.history = np.zeros((len(gauss), len(material.history)))
+        self.size = gauss.size if material.length else None
+        self._elastic = np.zeros_like(self.state)  # what the strain so far would give without yielding
+
+    def clear(self) -> None:
+        """Nothing yields in this step; what yielded before stays."""
+        super().clear()
+        self.stress.rows[:] = (self.state - self._elastic)[:, self._plane]
+
+    def _respond(self, strain: np.ndarray) -> None:
+        rows, stress, tangent = self._law(self.material, strain, self.state, self.history, self.size)
+        if len(rows):
+            self.active = True
+            self.stress.rows[rows] += stress
+            self.tangent.rows[rows] += tangent
+
+    def carry(self) -> None:
+        """State at the end of the step."""
+        strain = self.gauss.strain(self.motion.nodal(self.motion.u))
+        self._elastic = self.material.elastic.update(strain, self._elastic)
+        self.state, self.history = self.material.respond(strain, self.state, self.history, self.size)
+
+    def energy(self, cells: int) -> dict[str, float]:
+        """Strain energy and plastic work (J) of the first ``cells`` cells."""
+        count = cells * self.gauss.digit.shape[1]
+        volume, size = self.gauss.volume[:count], None if self.size is None else self.size[:count]
+        return {"strain": float(volume @ self.material.energy(self.state[:count])),
+                "plastic": float(volume @ self.material.plastic_work(self.history[:count], size))}
