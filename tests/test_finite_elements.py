@@ -1,0 +1,134 @@
+"""The finite element twin: modes, energy, statics, and the same terms as a point run."""
+
+import dense
+import numpy as np
+import pytest
+from dolfinx import fem
+
+from mpm_fenicsx import (
+    FiniteElements,
+    Fixed,
+    Gravity,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    Traction,
+    Viscoelastic,
+    Viscous,
+    fenicsx,
+)
+
+
+def shaken(grid, **keywords):
+    dim = grid.dim
+    terms = [Fixed(grid.facets("bottom")), Gravity(lambda t: np.sin(300 * t) * (np.arange(dim) + 1.0)),
+             Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x),
+             Viscoelastic(grid.facets("right"), dense.SOFT, 2.0)]
+    return FiniteElements(grid, dense.SOIL, Newmark(1e-3), terms, **keywords)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_energy_is_balanced_in_every_step(dim):
+    """Kinetic + strain + stored in springs = work done - absorbed, to round-off: loads start from zero."""
+    run = shaken(dense.uneven(dim))
+    flows = [(name, fenicsx.compile_form(form)) for c in run.contributions for name, form in c.energy().items()]
+    assert {name for name, _ in flows} == {"work", "absorbed", "stored"}
+    inside, total = 0.0, dict.fromkeys(("work", "absorbed", "stored"), 0.0)
+    for _ in range(20):
+        run.step()
+        step = dict.fromkeys(total, 0.0)
+        for name, form in flows:
+            step[name] += fem.assemble_scalar(form)
+        now = sum(run.energy().values())
+        assert now - inside == pytest.approx(step["work"] - step["absorbed"] - step["stored"],
+                                             abs=1e-9 * max(abs(step["work"]), step["absorbed"]))
+        inside = now
+        for name in total:
+            total[name] += step[name]
+    assert total["absorbed"] > 0.01 * abs(total["work"])
+    assert total["stored"] > 0.0
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_assembling_again_changes_nothing(dim):
+    found = []
+    for reassemble in (False, True):
+        run = shaken(dense.uneven(dim), reassemble=reassemble)
+        run.until(5e-3)
+        found.append(run.displacement.x.array)
+    np.testing.assert_allclose(found[1], found[0], atol=1e-9 * np.abs(found[0]).max())
+
+
+def test_a_factored_matrix_is_assembled_once(monkeypatch):
+    run = shaken(dense.uneven(2))
+    run.step()
+    monkeypatch.setattr(run.equilibrium, "assemble_tangent", None)
+    monkeypatch.setattr(fenicsx, "compile_form", None)
+    run.step()
+    assert run.steps == 2
+
+
+@pytest.mark.parametrize("steps", [1, 3])
+def test_a_linear_scene_does_not_mind_its_load_steps(steps):
+    grid = dense.uneven(3)
+    run = FiniteElements(grid, dense.SOIL, QuasiStatic(steps),
+                         [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), lambda s, x: s * 1e4 * x)])
+    run.until(1.0)
+    once = FiniteElements(grid, dense.SOIL, QuasiStatic(1),
+                          [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), lambda s, x: 1e4 * x)])
+    once.until(1.0)
+    u = once.displacement.x.array
+    assert np.abs(u).max() > 1e-5
+    np.testing.assert_allclose(run.displacement.x.array, u, atol=1e-11 * np.abs(u).max())
+    assert not hasattr(run.motion, "v")
+
+
+def test_a_bar_vibrates_with_the_frequency_of_its_mode():
+    """Consistent mass and the trapezoidal rule: tan(ω dt/2) = dt/2 ω_h, with ω_h of bilinear elements."""
+    L, n, dt, rod = 2.0, 8, 2e-3, LinearElastic(young=1e6, poisson=0.0, density=1000.0)
+    grid = Grid.box((0, 0), (L, 0.5), (n, 1))
+    run = FiniteElements(grid, rod, Newmark(dt), [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")])
+    x = grid.space.tabulate_dof_coordinates()[:, 0]
+    k, h, c = np.pi / (2 * L), L / n, rod.p_speed
+    run.motion.nodal(run.motion.v)[:, 0] = np.sin(k * x)
+    s = np.sin(k * h / 2) ** 2
+    ω_h = c / h * np.sqrt(12 * s / (3 - 2 * s))
+    ω = 2 / dt * np.arctan(ω_h * dt / 2)
+    end = np.argmax(x)
+    found = []
+    for _ in range(100):
+        run.step()
+        found.append(run.motion.nodal(run.displacement)[end, 0])
+    t = dt * np.arange(1, 101)
+    np.testing.assert_allclose(found, np.sin(ω * t) / ω_h, atol=1e-9 / ω_h)
+
+
+def test_a_viscous_base_takes_a_plane_wave_whole():
+    """One row of elements, a smooth pulse: the energy left is the grid's dispersion."""
+    grid, soil = Grid.box((0, 0), (0.5, 20), (1, 80)), LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+    left = {}
+    for name, term in (("viscous", Viscous(grid.facets("bottom"), soil)), ("fixed", Fixed(grid.facets("bottom"), "y"))):
+        run = FiniteElements(grid, soil, Newmark(2e-3), [
+            Fixed(grid.facets("left", "right"), "x"), term,
+            Traction(grid.facets("top"), lambda t: (0.0, -1e3 * np.sin(np.pi * min(t / 0.2, 1.0)) ** 2))])
+        run.until(0.2)
+        full = sum(run.energy().values())
+        run.until(0.45)
+        left[name] = sum(run.energy().values()) / full
+    assert left["viscous"] < 1e-5
+    assert left["fixed"] == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
+    found = []
+    for points in (False, True):
+        grid = dense.uneven(dim)
+        on = MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("top") if points else grid.facets("top")
+        run = FiniteElements(grid, dense.SOIL, Newmark(1e-4), [Fixed(grid.facets("bottom")),
+                                                               Traction(on, (1.0,) * dim), Viscous(on, dense.SOFT)])
+        run.step()
+        found.append(run.displacement.x.array)
+    np.testing.assert_allclose(found[1], found[0], atol=1e-11 * np.abs(found[0]).max())

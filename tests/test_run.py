@@ -1,0 +1,118 @@
+"""Time, recorders, and runs that cannot go on."""
+
+import dense
+import numpy as np
+import pytest
+
+from mpm_fenicsx import FiniteElements, Fixed, Gravity, Grid, MaterialPoints, Newmark, QuasiStatic, RunError, Simulation
+from mpm_fenicsx import Traction as Load
+
+
+class Notes:
+    """A recorder."""
+
+    def __init__(self):
+        self.attached, self.times = [], []
+
+    def attach(self, run):
+        self.attached.append(run)
+        self(run)
+
+    def __call__(self, run):
+        self.times.append(run.time)
+
+
+def make(kind, stepping, terms=()):
+    grid = dense.uneven(2)
+    terms = [Fixed(grid.facets("bottom")), *terms]
+    if kind == "FE":
+        return FiniteElements(grid, dense.SOIL, stepping, terms)
+    return Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), stepping, terms)
+
+
+@pytest.mark.parametrize("kind", ["FE", "points"])
+@pytest.mark.parametrize("stepping", [Newmark(0.1), QuasiStatic(10)], ids=["dynamic", "static"])
+def test_recorders_see_the_start_and_every_step(kind, stepping):
+    run, notes, done = make(kind, stepping), Notes(), []
+    assert run.record(notes) is notes
+    assert notes.attached == [run]
+    run.until(0.3, progress=done.append)
+    assert done == [1, 2, 3]
+    assert notes.times == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert run.next_time == pytest.approx(0.4)
+    run.until(0.3)
+    run.until(0.1)  # the past is past
+    assert run.steps == 3
+
+
+def test_time_is_counted_and_does_not_drift():
+    run = make("FE", Newmark(0.1))
+    run.until(1.2)
+    assert (run.steps, run.time) == (12, 12 * 0.1)
+
+
+def test_a_point_that_leaves_the_grid_stops_the_run_and_keeps_the_record():
+    grid = Grid.box((0, 0), (1, 1), (4, 4))
+    body = MaterialPoints.fill(grid, dense.SOIL, 4, inside=lambda x: x[0] > 0.5)
+    body.velocity = np.tile([1.0, 0.0], (len(body), 1))
+    run = Simulation(grid, body, Newmark(0.05), [])
+    notes = run.record(Notes())
+    message = r"DM-GC, step 3, t = 0\.15: material point \d+ at x=\[1\.0375 .*outside the grid"
+    with pytest.raises(RunError, match=message):
+        run.until(1.0)
+    assert notes.times == pytest.approx([0.0, 0.05, 0.1])
+    assert run.steps == 2
+    assert np.isfinite(body.x).all()
+
+
+def test_a_point_that_turns_inside_out_stops_the_run_and_keeps_the_record():
+    grid = Grid.box((0, 0), (1, 1), (4, 4))
+    body = MaterialPoints.fill(grid, dense.SOIL, 4)
+    walls = [Fixed(grid.facets("bottom"), "y"), Fixed(grid.facets("left", "right"), "x")]
+    crush = Load(grid.facets("top"), lambda s: (0.0, -1e9 * (s > 0.25)))
+    run = Simulation(grid, body, QuasiStatic(10), [*walls, crush])
+    notes = run.record(Notes())
+    with pytest.raises(RunError, match=r"step 3, t = 0\.3: material point \d+ at x=.* turns inside out: det F = -"):
+        run.until(1.0)
+    assert notes.times == pytest.approx([0.0, 0.1, 0.2])
+
+
+@pytest.mark.parametrize("kind", ["FE", "points"])
+def test_a_load_that_turns_nan_stops_the_run(kind):
+    run = make(kind, Newmark(0.1), [Gravity(lambda t: (0.0, np.nan if t > 0.25 else 0.0))])
+    notes = run.record(Notes())
+    with pytest.raises(RunError, match=r"step 3, t = 0\.3: "):
+        run.until(1.0)
+    assert notes.times == pytest.approx([0.0, 0.1, 0.2])
+
+
+def test_an_error_inside_a_load_names_step_and_time():
+    def load(t):
+        if t > 0.15:
+            raise ValueError("the table ends at 0.15 s")
+        return 0.0, 0.0
+
+    run = make("points", Newmark(0.1), [Gravity(load)])
+    with pytest.raises(RunError, match=r"step 2, t = 0\.2: the table ends") as caught:
+        run.until(1.0)
+    assert isinstance(caught.value.__cause__, ValueError)
+
+
+def test_a_recorder_that_fails_does_not_pass_for_the_step():
+    run = make("FE", Newmark(0.1))
+
+    class Full(Notes):
+        def __call__(self, run):
+            if run.steps == 2:
+                raise OSError("disk full")
+
+    run.record(Full())
+    with pytest.raises(OSError, match="disk full"):
+        run.until(1.0)
+    assert run.steps == 2
+
+
+@pytest.mark.parametrize("t", [np.nan, np.inf, "soon"])
+def test_until_needs_a_time(t):
+    with pytest.raises(ValueError, match=r"^t must be"):
+        make("FE", Newmark(0.1)).until(t)

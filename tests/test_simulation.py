@@ -1,0 +1,317 @@
+"""Material point runs: rigid motions, momentum, free fall, patch tests, and what a step may cost."""
+
+import dense
+import numpy as np
+import pytest
+from ufl import inner
+
+from mpm_fenicsx import (
+    CMPM,
+    DM_G,
+    DM_GC,
+    GIMP,
+    MAPPINGS,
+    MPM,
+    FiniteElements,
+    Fixed,
+    Gravity,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    Simulation,
+    Traction,
+    Viscoelastic,
+    fenicsx,
+    flip,
+    trapezoidal,
+)
+
+DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
+CONTIGUOUS = (GIMP, DM_G, DM_GC)
+
+
+def block(grid, upper=1.5, **keywords):
+    """Randomly placed points that touch no side of the grid."""
+    return MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim, inside=lambda x: ((x > 0.5) & (x < upper)).all(axis=0),
+                               **keywords)
+
+
+def jitter(mapping):
+    """CMPM sees modes of the grid that random points alone do not hold (their matrix is singular): keep it even."""
+    return 0.0 if mapping is CMPM else 0.4
+
+
+def wide(dim):
+    return Grid.box((0,) * dim, (4,) * dim, (8,) * dim)
+
+
+# -- motions without strain -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_translation_across_cells_leaves_no_stress_and_all_momentum(dim, mapping):
+    grid = wide(dim)
+    body = block(grid, jitter=jitter(mapping))
+    v = np.array([7.0, 4.0, -1.5])[:dim]
+    body.velocity = np.tile(v, (len(body), 1))
+    start = body.x.copy()
+    run = Simulation(grid, body, Newmark(0.02), [], mapping, solver=DIRECT)
+    run.until(0.26)
+    moved = v * 0.26
+    assert moved[0] > 3 * 0.5
+    momentum = body.mass @ body.velocity
+    np.testing.assert_allclose(momentum, body.mass.sum() * v, rtol=1e-10)
+    np.testing.assert_allclose(body.x - start, np.tile(moved, (len(body), 1)), atol=1e-9)
+    assert np.abs(body.stress).max() < 1e-9 * dense.SOIL.young
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_free_fall_is_exact(dim, mapping):
+    grid, g, dt, steps = wide(dim), np.array([9.0, 5.0, 2.0])[:dim], 0.05, 8
+    bodies = [block(grid, jitter=jitter(mapping)),
+              MaterialPoints.fill(grid, dense.SOFT, 2**dim, seed=3, jitter=jitter(mapping),
+                                  inside=lambda x: (x[0] > 1.5) & (x[0] < 2) & (x[1] < 1) & (x[-1] < 1))]
+    start = [body.x.copy() for body in bodies]
+    for body in bodies:
+        body.acceleration = np.tile(g, (len(body), 1))  # it falls already
+    run = Simulation(grid, bodies, Newmark(dt), [Gravity(tuple(g))], mapping, solver=DIRECT)
+    run.until(steps * dt)
+    tolerance = 1e-10 if mapping is not MPM else 1e-6  # its matrix is all but singular for random points in 3D
+    for body, x in zip(bodies, start, strict=True):
+        np.testing.assert_allclose(body.velocity, np.tile(g * run.time, (len(body), 1)), rtol=tolerance)
+        np.testing.assert_allclose(body.x - x, np.tile(g * run.time**2 / 2, (len(body), 1)), rtol=tolerance)
+
+
+@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+def test_both_transfers_agree_while_the_motion_is_rigid(mapping):
+    found = []
+    for transfer in (trapezoidal, flip):
+        grid = wide(2)
+        body = block(grid, jitter=0.4)
+        body.velocity = np.tile([1.0, 2.0], (len(body), 1))
+        run = Simulation(grid, body, Newmark(0.02), [Gravity(lambda t: (30 * np.sin(9 * t), 20 * t))], mapping,
+                         transfer=transfer, solver=DIRECT)
+        run.until(0.4)
+        found.append((body.x, body.velocity, body.acceleration))
+    for a, b in zip(*found, strict=True):
+        np.testing.assert_allclose(a, b, rtol=1e-7)
+
+
+# -- momentum -------------------------------------------------------------------------------------------------------
+
+
+def stressed(grid, rng):
+    body = block(grid, jitter=0.4)
+    body.stress = 2e4 * rng.normal(size=body.stress.shape)
+    body.velocity = rng.normal(size=body.x.shape)
+    return body
+
+
+@pytest.mark.parametrize("transfer", [trapezoidal, flip])
+@pytest.mark.parametrize("mapping", [MPM, GIMP, CMPM], ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_internal_stress_does_not_change_the_momentum_of_a_free_body(dim, mapping, transfer):
+    """With mass summed at points, what the points take up is what the grid's equation of motion gave."""
+    grid = wide(dim)
+    body = stressed(grid, np.random.default_rng(2))
+    run = Simulation(grid, body, Newmark(1e-3), [], mapping, transfer=transfer, solver=DIRECT,
+                     sweeps=0 if transfer is flip else 1)
+    before = body.mass @ body.velocity
+    scale = body.mass @ np.abs(body.velocity)
+    for _ in range(3):
+        run.step()
+    change = body.mass @ body.velocity - before
+    assert np.abs(body.stress).max() > 1.0
+    assert np.abs(change).max() < 1e-9 * scale.max()
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_grid_gives_a_free_body_no_net_force(dim, mapping):
+    grid = wide(dim)
+    run = Simulation(grid, stressed(grid, np.random.default_rng(2)), Newmark(1e-3), [], mapping, solver=DIRECT)
+    run.step()
+    motion = run.motion
+    f = dense.vector(grid.space, inner(run.scene.density * motion.acceleration, motion.w) * run.scene.dx)
+    f = f.reshape(-1, dim)
+    assert np.abs(f).max() > 1.0
+    assert np.abs(f.sum(axis=0)).max() < 1e-9 * np.abs(f).sum()
+
+
+# -- patch tests ----------------------------------------------------------------------------------------------------
+
+
+def pulled(grid, points, mapping):
+    """Error of displacement and stress under a uniform pull of 20 kPa, both relative."""
+    dim, t, (E, ν) = grid.dim, 2e4, (dense.SOIL.young, dense.SOIL.poisson)
+    rollers = {"left": "x", "bottom": "y", "back": "z"}
+    terms = [Fixed(grid.facets(side), rollers[side]) for side in list(rollers)[:dim]]
+    terms.append(Traction(grid.facets("right"), (t, *(0.0,) * (dim - 1))))
+    if mapping is None:
+        run = FiniteElements(grid, dense.SOIL, QuasiStatic(1), terms)
+        run.step()
+        x, u = grid.space.tabulate_dof_coordinates()[:, :dim], run.motion.nodal(run.displacement)
+        stress = run.stress(np.arange(grid.owned_cells))
+    else:
+        x = points.x.copy()
+        run = Simulation(grid, points, QuasiStatic(1), terms, mapping)
+        run.step()
+        u, stress = points.x - x, points.stress
+    strain = (np.array([1 - ν**2, -ν * (1 + ν)]) if dim == 2 else np.array([1, -ν, -ν])) * t / E
+    exact = np.zeros_like(stress)
+    exact[:, 0] = t
+    if dim == 2:
+        exact[:, 2] = ν * t
+    u_exact = strain * x
+    return np.abs(u - u_exact).max() / np.abs(u_exact).max(), np.abs(stress - exact).max() / t
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_finite_elements_pass_the_patch_test(dim):
+    assert max(pulled(dense.uneven(dim), None, None)) < 1e-10
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_evenly_placed_points_pass_the_patch_test(dim, mapping):
+    grid = dense.uneven(dim)
+    assert max(pulled(grid, MaterialPoints.fill(grid, dense.SOIL, 2**dim), mapping)) < 1e-10
+
+
+@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_random_support_domains_without_gaps_pass_it_if_they_are_averaged_over(dim, mapping):
+    """GIMP, DM-G and DM-GC see the domains and are exact; the others see their centres only and are not."""
+    grid = dense.uneven(dim)
+    error = max(pulled(grid, dense.tiles(grid, np.random.default_rng(4)), mapping))
+    if mapping.support:
+        assert error < 1e-10
+    else:
+        assert error > 1e-2
+
+
+@pytest.mark.parametrize("mapping", CONTIGUOUS, ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_full_grid_starts_like_finite_elements(dim, mapping):
+    """Support domains that tile the grid give the element matrices to round-off."""
+    grid = dense.uneven(dim)
+    body = dense.tiles(grid, np.random.default_rng(6))
+    terms = [Fixed(grid.facets("left"), "x"), Viscoelastic(grid.facets("bottom"), dense.SOFT, 2.0),
+             Traction(grid.facets("top"), lambda t, x: 1e3 * x), Gravity((1.0,) * dim)]
+    points = Simulation(grid, body, Newmark(1e-3), terms, mapping, solver=DIRECT)
+    twin = FiniteElements(grid, dense.SOIL, Newmark(1e-3), terms)
+    points.step()
+    twin.step()
+    u = twin.motion.u.x.array
+    np.testing.assert_allclose(points.motion.u.x.array, u, atol=1e-11 * np.abs(u).max())
+
+
+# -- what a step may cost -------------------------------------------------------------------------------------------
+
+
+class Counting:
+    """A solver that counts."""
+
+    def __init__(self, ksp):
+        self.ksp, self.solves = ksp, 0
+
+    def solve(self, b, x):
+        self.solves += 1
+        self.ksp.solve(b, x)
+
+    def __getattr__(self, name):
+        return getattr(self.ksp, name)
+
+
+def full_scene(stepping, mapping=DM_GC):
+    grid = dense.uneven(2)
+    inside = {"inside": lambda x: x[0] > 0.3}
+    body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.2, **inside)
+    on = MaterialPoints.fill(grid, dense.SOIL, 4, **inside).surface("left")
+    terms = [Fixed(grid.facets("bottom")), Gravity((0.0, -9.81)), Traction(on, lambda t, x: 1e2 * x),
+             Traction(grid.facets("top"), lambda t: (0.0, -1e3 * t))]
+    if stepping.dynamic:
+        terms.append(Viscoelastic(grid.facets("right"), dense.SOFT, 2.0))
+    return Simulation(grid, body, stepping, terms, mapping)
+
+
+@pytest.mark.parametrize("stepping", [Newmark(1e-4), QuasiStatic(4)], ids=["dynamic", "static"])
+def test_a_linear_scene_solves_once_a_step(stepping):
+    run = full_scene(stepping)
+    run.equilibrium.ksp = Counting(run.equilibrium.ksp)
+    for step in range(1, 4):
+        run.step()
+        assert run.equilibrium.ksp.solves == step
+
+
+@pytest.mark.parametrize("stepping", [Newmark(1e-4), QuasiStatic(4)], ids=["dynamic", "static"])
+@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+def test_a_step_compiles_and_allocates_nothing(mapping, stepping, monkeypatch):
+    run = full_scene(stepping, mapping)
+
+    def never(*_, **__):
+        raise AssertionError("compiled in a step")
+
+    def kept():
+        eq = run.equilibrium
+        fields = [*run.projection.fields, run.motion.u, eq.force, eq.matrix, eq.ksp]
+        if stepping.dynamic:
+            fields += [run.motion.v, run.motion.a]
+        arrays = [a for s in run.stencils for a in (s.nodes, s.values, s.gradients, s.side, s.span, s.share)]
+        return [id(o) for o in fields], [a.ctypes.data for a in arrays], eq.matrix.getInfo()["mallocs"]
+
+    for name in ("compile_form", "space", "create_matrix"):
+        monkeypatch.setattr(fenicsx, name, never)
+    before = kept()
+    nonzeros = run.equilibrium.matrix.getInfo()["nz_allocated"]
+    for _ in range(3):
+        run.step()
+    assert kept() == before
+    assert run.equilibrium.matrix.getInfo()["nz_allocated"] == nonzeros
+
+
+def test_points_keep_their_mass_and_their_arrays_fit():
+    run = full_scene(Newmark(1e-4))
+    body = run.bodies[0]
+    mass, x = body.mass.copy(), body.x
+    for _ in range(3):
+        run.step()
+    np.testing.assert_array_equal(body.mass, mass)
+    assert body.x is x
+    assert body.stress.shape == (len(body), 4)
+    assert np.isfinite(body.stress).all()
+
+
+# -- more than one body, and statics --------------------------------------------------------------------------------
+
+
+def test_two_bodies_are_one_where_they_are_of_one_material():
+    grid = dense.uneven(2)
+    whole = MaterialPoints.fill(grid, dense.SOIL, 4)
+    halves = [MaterialPoints.fill(grid, dense.SOIL, 4, inside=inside)
+              for inside in (lambda x: x[0] < 0.5, lambda x: x[0] >= 0.5)]
+    for bodies in (whole, halves):
+        Simulation(grid, bodies, Newmark(1e-3), [Fixed(grid.facets("bottom")), Gravity((2.0, -9.81))],
+                   solver=DIRECT).until(5e-3)
+    order, parts = np.lexsort(whole.x.T), np.vstack([body.x for body in halves])
+    np.testing.assert_allclose(parts[np.lexsort(parts.T)], whole.x[order], rtol=1e-12)
+
+
+def test_self_weight_in_steps_is_the_pressure_of_depth():
+    grid = Grid.rectilinear([np.array([0.0, 1.0]), np.array([0.0, 0.7, 1.5, 2.6, 3.0])])
+    soil = LinearElastic(young=1e9, poisson=0.25, density=2000.0)
+    body = MaterialPoints.fill(grid, soil, 4)
+    place = np.searchsorted([0.7, 1.5, 2.6], body.x[:, 1])
+    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y"),
+             Gravity(lambda load: (0.0, -10.0 * load))]
+    run = Simulation(grid, body, QuasiStatic(5), terms, GIMP)
+    run.until(1.0)
+    assert run.steps == 5
+    mean = 2000.0 * 10.0 * (3.0 - np.array([0.35, 1.1, 2.05, 2.8])[place])  # all that an element knows of it
+    finite_strain = 2000.0 * 10.0 * 3.0 / 1e9
+    np.testing.assert_allclose(-body.stress[:, 1], mean, atol=finite_strain * mean.max())
+    np.testing.assert_allclose(body.stress[:, 0], 1 / 3 * body.stress[:, 1], atol=finite_strain * mean.max())
