@@ -114,12 +114,13 @@ class Yielding:
     def _respond(self, strain: np.ndarray) -> None:
         raise NotImplementedError
 
-    def _law(self, material, strain, stress, history, size) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Rows that yield, and for them the stress and tangent beyond elasticity, in the plane."""
-        _, after = material.respond(strain, stress, history, size)
-        rows = np.flatnonzero((after != history).any(axis=1))
-        ε, σ = strain[rows], stress[rows]
-        new, _, tangent = material.tangent(ε, σ, history[rows], size if size is None else size[rows])
+    def _law(self, material, strain, state, at, of) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Which pairs of strain ``at`` and state ``of`` yield, and their stress and tangent beyond elasticity."""
+        stress, history, size = state
+        rows = material.yields(strain, stress, history, at, of, size)
+        at, of = at[rows], of[rows]
+        ε, σ = strain[at], stress[of]
+        new, _, tangent = material.tangent(ε, σ, history[of], None if size is None else size[of])
         plane, (i, j) = self._plane, self._upper
         elastic = material.elastic.tangent(ε[:1], σ[:1], None)[2]
         beyond = (new - material.elastic.update(ε, σ))[:, plane]
@@ -154,9 +155,8 @@ class YieldingPoints(Yielding):
 
     def _respond(self, strain: np.ndarray) -> None:
         for (body, _), (point, where, weight) in zip(self._bodies, self._pairs, strict=True):
-            size = None if body.size is None else body.size[point]
-            state = body.stress[point], body.history[point], size
-            rows, stress, tangent = self._law(body.material, strain[where], *state)
+            state = body.stress, body.history, body.size
+            rows, stress, tangent = self._law(body.material, strain, state, where, point)
             if len(rows):
                 self.active = True
                 _add(where[rows], weight[rows], stress, self.stress.rows)
@@ -174,6 +174,7 @@ class YieldingElements(Yielding):
         self.state = np.zeros((len(gauss), tensors.components(motion.grid.dim)))
         self.history = np.zeros((len(gauss), len(material.history)))
         self.size = gauss.size if material.length else None
+        self._all = np.arange(len(gauss), dtype=np.int32)
         self._elastic = np.zeros_like(self.state)  # what the strain so far would give without yielding
 
     def clear(self) -> None:
@@ -182,7 +183,8 @@ class YieldingElements(Yielding):
         self.stress.rows[:] = (self.state - self._elastic)[:, self._plane]
 
     def _respond(self, strain: np.ndarray) -> None:
-        rows, stress, tangent = self._law(self.material, strain, self.state, self.history, self.size)
+        state = self.state, self.history, self.size
+        rows, stress, tangent = self._law(self.material, strain, state, self._all, self._all)
         if len(rows):
             self.active = True
             self.stress.rows[rows] += stress

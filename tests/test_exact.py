@@ -24,7 +24,7 @@ def column(load=suddenly, end=12 * TRAVEL, **parameters):
 
 def test_a_fixed_base_doubles_the_pressure_until_the_echo_returns():
     base = column().pressure(L, np.array([0.5, 1.5, 2.9, 3.5]) * TRAVEL)
-    np.testing.assert_allclose(base, [0, 600e3, 600e3, 0], atol=1e-6)
+    np.testing.assert_allclose(base, [0, 600e3, 600e3, 0], rtol=0, atol=1e-6)
 
 
 def test_a_fixed_base_rests():
@@ -36,8 +36,9 @@ def test_a_dashpot_of_the_columns_impedance_sends_nothing_back():
     c = column(pulse, fixed=False)
     t = np.linspace(0, 12 * TRAVEL, 200)
     for depth in (0.0, 3.3, L):
-        np.testing.assert_allclose(c.pressure(depth, t), np.where(t > depth / C, pulse(t - depth / C), 0), atol=60)
-        np.testing.assert_allclose(c.velocity(depth, t), c.pressure(depth, t) / Z, atol=1e-12)
+        arrived = np.where(t > depth / C, pulse(t - depth / C), 0)
+        np.testing.assert_allclose(c.pressure(depth, t), arrived, rtol=0, atol=60)
+        np.testing.assert_allclose(c.velocity(depth, t), c.pressure(depth, t) / Z, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("load", [pulse, suddenly])
@@ -62,7 +63,7 @@ def test_a_stiff_spring_is_a_fixed_base_and_a_soft_one_settles_to_its_load():
 def test_the_surface_bears_the_load(base):
     t = np.linspace(0.001, 11.9 * TRAVEL, 300)
     c = column(pulse, **base)
-    np.testing.assert_allclose(c.pressure(0.0, t), pulse(t), atol=60)
+    np.testing.assert_allclose(c.pressure(0.0, t), pulse(t), rtol=0, atol=60)
 
 
 @pytest.mark.parametrize("base", [{}, {"fixed": False}, {"fixed": False, "spring": 5e6}])

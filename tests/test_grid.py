@@ -39,8 +39,8 @@ def index(grid, hats):
 def test_cells_fill_the_grid_lines(grid, hats, index):
     assert len({*map(tuple, index)}) == np.prod([len(line) - 1 for line in hats.lines]) == grid.cells
     for d, line in enumerate(hats.lines):
-        np.testing.assert_allclose(grid.lattice.lower[:, d], line[index[:, d]], atol=1e-14)
-        np.testing.assert_allclose(grid.lattice.upper[:, d], line[index[:, d] + 1], atol=1e-14)
+        np.testing.assert_allclose(grid.lattice.lower[:, d], line[index[:, d]], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(grid.lattice.upper[:, d], line[index[:, d] + 1], rtol=0, atol=1e-14)
     whole = np.prod([line[-1] - line[0] for line in hats.lines])
     assert grid.lattice.volume.sum() == pytest.approx(whole, rel=1e-13)
 
@@ -67,7 +67,7 @@ def test_tensor_order_runs_along_x_first(grid, family, degree):
     digit = np.array(list(product(range(degree + 1), repeat=grid.dim)))[:, ::-1]
     wanted = lattice.lower[:, None] + digit / degree * (lattice.upper - lattice.lower)[:, None]
     x = V.tabulate_dof_coordinates()[grid.tensor_order(V, degree)][:, :, : grid.dim]
-    np.testing.assert_allclose(x, wanted, atol=1e-13)
+    np.testing.assert_allclose(x, wanted, rtol=0, atol=1e-13)
 
 
 def test_a_grid_with_an_inward_corner_finds_what_it_holds(l_shape):
@@ -94,7 +94,7 @@ def test_a_point_lies_in_the_cell_above_its_edges(grid, hats, data):
     grid.walk(x, start)
     assert np.array_equal(start, found)
     for d, line in enumerate(hats.lines):
-        np.testing.assert_allclose(grid.lattice.lower[found, d], line[wanted[d]], atol=1e-14)
+        np.testing.assert_allclose(grid.lattice.lower[found, d], line[wanted[d]], rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -168,7 +168,7 @@ def test_a_file_in_any_order_gives_the_same_grid(tmp_path, dim, kind, seed):
         assert np.array_equal(grid.find(x), np.arange(grid.cells))
         digit = node[grid.lattice.nodes] > (grid.lattice.lower + 1e-9)[:, None]
         assert np.array_equal(digit, np.broadcast_to(BITS[dim], digit.shape))
-    np.testing.assert_allclose(places[0], places[1], atol=1e-13)
+    np.testing.assert_allclose(places[0], places[1], rtol=0, atol=1e-13)
 
 
 def test_a_file_without_quadrilaterals_is_refused(tmp_path):

@@ -107,6 +107,22 @@ def _tangent(strain, stress, history, λ, μ, peak, residual, modulus, out_stres
             strain[p], stress[p], history[p, 0], λ, μ, peak, residual, modulus[every * p], out_stress[p], out[p])
 
 
+@jit
+def _yields(strain, stress, history, at, of, λ, μ, peak, residual, modulus, rows):
+    """Write which of the pairs (strain row ``at``, state row ``of``) yield; return their number."""
+    every = 1 if len(modulus) > 1 else 0
+    trial = np.empty(strain.shape[1])
+    found = 0
+    for m in range(len(at)):
+        p = of[m]
+        q2 = _trial(strain[at[m]], stress[p], λ, μ, trial)[1]
+        c = max(residual, peak - modulus[every * p] * history[p, 0])
+        if q2 > SLACK * 3.0 * c * c:
+            rows[found] = m
+            found += 1
+    return found
+
+
 @dataclass(frozen=True)
 class VonMises:
     """Elastic soil that yields at q = √3 c(κ), with c = max(residual, peak - h κ).
@@ -194,6 +210,13 @@ class VonMises:
         out = np.empty((*outputs[0].shape, outputs[0].shape[1]))
         _tangent(*inputs, *outputs, out)
         return *outputs, out
+
+    def yields(self, strain, stress, history, at, of, size=None) -> np.ndarray:
+        """Which of the pairs of a strain increment, row ``at`` (m,), and a state, row ``of`` (m,), yield: (k,) rows."""
+        inputs = (np.ascontiguousarray(a, float) for a in (strain, stress, history))
+        rows = np.empty(len(at), np.int32)
+        found = _yields(*inputs, at, of, *self.lame, self.peak, self.residual, self.modulus(size), rows)
+        return rows[:found]
 
     def strength(self, history, size=None) -> np.ndarray:
         """Yield value of q (n,), Pa."""
