@@ -160,6 +160,8 @@ class MaterialPoints:
         leaves neither gap nor overlap between them.  Raises ``ValueError`` naming a point that turns inside out.
         """
         self.x += u
+        if self.seat is not None:
+            self.seat += u
         J = np.linalg.det(np.eye(self.dim) + gradient)
         stretch = 1.0 + np.einsum("nii->ni", smooth)
         if not (J.min(initial=1.0) > 0.0 and stretch.min(initial=1.0) > 0.0):

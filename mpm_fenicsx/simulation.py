@@ -25,6 +25,7 @@ from .terms import elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
 from .velocities import Deposit, trapezoidal
 from .yielding import Yielding, YieldingPoints
+from .yielding_at_points import YieldingAtPoints
 
 
 class Simulation(Run):
@@ -189,7 +190,13 @@ class Simulation(Run):
             return None
         if self.mapping.integrate is DOUBLE_MAPPED:
             return YieldingPoints(self.motion, GaussPoints(self.grid), self.bodies, self.stencils)
-        raise ValueError(f"mapping {self.mapping} takes elastic bodies only")
+        return YieldingAtPoints(self.motion, self.bodies, self.stencils, self._recover)
+
+    def _recover(self, number: int, u: np.ndarray) -> np.ndarray:
+        """Displacement gradients (n, dim, dim) that a body takes from nodal u."""
+        if self.composite:
+            return self.composite.gradient_at_points(self.bodies[number].x, self.cells[number], u)
+        return self.stencils[number].gradient_at_points(u)
 
     def _locate_first(self, body: MaterialPoints) -> np.ndarray:
         if body.dim != self.grid.dim:

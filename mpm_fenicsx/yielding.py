@@ -81,53 +81,66 @@ def _add(gauss, weight, values, out):
 
 
 class Yielding:
-    """Stress and tangent that the law adds to the elastic response, as fields at the Gauss points."""
+    """What the law adds to the elastic response: ``work`` and ``stiffness`` as forms, or a force summed at points."""
 
-    def __init__(self, motion: Motion, gauss: GaussPoints):
-        self.motion, self.gauss = motion, gauss
-        grid = motion.grid
-        self._plane = tensors.in_plane(grid.dim)
+    work: object = 0
+    stiffness: object = 0
+
+    def __init__(self, motion: Motion):
+        self.motion = motion
+        self._plane = tensors.in_plane(motion.grid.dim)
         self._upper = np.triu_indices(len(self._plane))
-        self.stress = GaussField(grid, len(self._plane))
-        self.tangent = GaussField(grid, len(self._upper[0]))
-        dx, trial = measure(grid), ufl.TrialFunction(grid.space)
-        self.work = forms.plastic_work(self.stress.function, motion.w) * dx
-        self.stiffness = forms.plastic_stiffness(self.tangent.function, trial, motion.w) * dx
         self.active = False
 
     def clear(self) -> None:
         """Nothing yields."""
         self.active = False
-        self.stress.rows[:] = self.tangent.rows[:] = 0.0
 
     def evaluate(self) -> bool:
-        """Refresh both fields for the motion's u; True where anything yields on any rank."""
+        """Refresh everything for the motion's u; True where anything yields on any rank."""
         self.clear()
-        strain = self.gauss.strain(self.motion.nodal(self.motion.u))
-        self._respond(strain)
+        self._respond(self.motion.nodal(self.motion.u))
         self.active = bool(self.motion.grid.comm.allreduce(int(self.active)))
         return self.active
 
     def add_force(self, internal: np.ndarray) -> None:
-        """Add what is no form to the internal force (dofs,), N: nothing here."""
+        """Add what is no form to the internal force (dofs,), N."""
 
-    def _respond(self, strain: np.ndarray) -> None:
+    def _respond(self, u: np.ndarray) -> None:
         raise NotImplementedError
 
     def _law(self, material, strain, state, at, of) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Which pairs of strain ``at`` and state ``of`` yield, and their stress and tangent beyond elasticity."""
+        """Which pairs of strain ``at`` and state ``of`` yield; beyond elasticity their stress, and their tangent in
+        the plane."""
         stress, history, size = state
         rows = material.yields(strain, stress, history, at, of, size)
         at, of = at[rows], of[rows]
         ε, σ = strain[at], stress[of]
         new, _, tangent = material.tangent(ε, σ, history[of], None if size is None else size[of])
-        plane, (i, j) = self._plane, self._upper
+        i, j = self._upper
         elastic = material.elastic.tangent(ε[:1], σ[:1], None)[2]
-        beyond = (new - material.elastic.update(ε, σ))[:, plane]
-        return rows, beyond, (tangent - elastic)[:, plane[i], plane[j]]
+        return rows, new - material.elastic.update(ε, σ), (tangent - elastic)[:, self._plane[i], self._plane[j]]
 
 
-class YieldingPoints(Yielding):
+class YieldingAtGaussPoints(Yielding):
+    """The same as fields at the Gauss points."""
+
+    def __init__(self, motion: Motion, gauss: GaussPoints):
+        super().__init__(motion)
+        self.gauss, grid = gauss, motion.grid
+        self.stress = GaussField(grid, len(self._plane))
+        self.tangent = GaussField(grid, len(self._upper[0]))
+        dx, trial = measure(grid), ufl.TrialFunction(grid.space)
+        self.work = forms.plastic_work(self.stress.function, motion.w) * dx
+        self.stiffness = forms.plastic_stiffness(self.tangent.function, trial, motion.w) * dx
+
+    def clear(self) -> None:
+        """Nothing yields."""
+        super().clear()
+        self.stress.rows[:] = self.tangent.rows[:] = 0.0
+
+
+class YieldingPoints(YieldingAtGaussPoints):
     """The laws of material points, double-mapped.
 
     Each point is asked at every Gauss point that its support domain reaches.
@@ -153,19 +166,20 @@ class YieldingPoints(Yielding):
                           self.gauss.digit, self._corners, lat.volume, point, where, weight)
             self._pairs.append((point[:found], where[:found], weight[:found]))
 
-    def _respond(self, strain: np.ndarray) -> None:
+    def _respond(self, u: np.ndarray) -> None:
+        strain = self.gauss.strain(u)
         for (body, _), (point, where, weight) in zip(self._bodies, self._pairs, strict=True):
             state = body.stress, body.history, body.size
             rows, stress, tangent = self._law(body.material, strain, state, where, point)
             if len(rows):
                 self.active = True
-                _add(where[rows], weight[rows], stress, self.stress.rows)
+                _add(where[rows], weight[rows], stress[:, self._plane], self.stress.rows)
                 _add(where[rows], weight[rows], tangent, self.tangent.rows)
         self.stress.gather()
         self.tangent.gather()
 
 
-class YieldingElements(Yielding):
+class YieldingElements(YieldingAtGaussPoints):
     """The law at the Gauss points of finite elements, which carry stress (points, components) and history."""
 
     def __init__(self, motion: Motion, gauss: GaussPoints, material):
@@ -182,12 +196,13 @@ class YieldingElements(Yielding):
         super().clear()
         self.stress.rows[:] = (self.state - self._elastic)[:, self._plane]
 
-    def _respond(self, strain: np.ndarray) -> None:
+    def _respond(self, u: np.ndarray) -> None:
+        strain = self.gauss.strain(u)
         state = self.state, self.history, self.size
         rows, stress, tangent = self._law(self.material, strain, state, self._all, self._all)
         if len(rows):
             self.active = True
-            self.stress.rows[rows] += stress
+            self.stress.rows[rows] += stress[:, self._plane]
             self.tangent.rows[rows] += tangent
 
     def carry(self) -> None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -174,12 +175,9 @@ class VonMises:
             limit = f"√3 G = {SQRT3 * self.lame[1]}"
             raise ValueError(f"softening must stay below {limit}, where a point snaps back, got {self.softening}")
 
-    density = property(lambda self: self.elastic.density)
-    young = property(lambda self: self.elastic.young)
-    poisson = property(lambda self: self.elastic.poisson)
-    lame = property(lambda self: self.elastic.lame)
-    p_speed = property(lambda self: self.elastic.p_speed)
-    s_speed = property(lambda self: self.elastic.s_speed)
+    density, young, poisson, lame, p_speed, s_speed = (
+        property(attrgetter(f"elastic.{name}"))
+        for name in ("density", "young", "poisson", "lame", "p_speed", "s_speed"))
 
     def modulus(self, size: np.ndarray | float | None = None) -> np.ndarray:
         """Softening modulus (n,) or (1,), Pa, of points of ``size`` (m).
