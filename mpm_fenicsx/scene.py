@@ -159,6 +159,8 @@ class PointPatch:
     def __init__(self, points: SurfacePoints, scene: Scene):
         if points.x.shape[1] != scene.grid.dim:
             raise ValueError(f"on: surface points have {points.x.shape[1]} coordinates, the grid {scene.grid.dim}")
+        if not scene.grid.comm.allreduce(len(points)):
+            raise ValueError("on: the surface has no points")
         self.grid, self.motion, self.points = scene.grid, scene.motion, points
         self.measure = self.grid.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
         self._stencil = Stencil(self.grid, len(points), support=False)

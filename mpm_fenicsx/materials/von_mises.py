@@ -176,8 +176,7 @@ class VonMises:
             raise ValueError(f"softening must stay below {limit}, where a point snaps back, got {self.softening}")
 
     density, young, poisson, lame, p_speed, s_speed = (
-        property(attrgetter(f"elastic.{name}"))
-        for name in ("density", "young", "poisson", "lame", "p_speed", "s_speed"))
+        property(attrgetter(f"elastic.{name}")) for name in "density young poisson lame p_speed s_speed".split())
 
     def modulus(self, size: np.ndarray | float | None = None) -> np.ndarray:
         """Softening modulus (n,) or (1,), Pa, of points of ``size`` (m).
@@ -231,8 +230,7 @@ class VonMises:
     def plastic_work(self, history, size=None) -> np.ndarray:
         """Plastic work per volume (n,), J/m³, since κ = 0: ∫ q dκ."""
         κ, h = history[:, 0], self.modulus(size)
-        with np.errstate(divide="ignore"):
-            soft = np.minimum(κ, np.where(h > 0, (self.peak - self.residual) / h, np.inf))
+        soft = np.where(h * κ < self.peak - self.residual, κ, (self.peak - self.residual) / np.maximum(h, 1e-300))
         return SQRT3 * (self.peak * soft - 0.5 * h * soft**2 + self.residual * (κ - soft))
 
     def _prepare(self, strain, stress, history, size):
