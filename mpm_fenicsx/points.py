@@ -162,7 +162,7 @@ class MaterialPoints:
         self.x += u
         if self.seat is not None:
             self.seat += u
-        J = np.linalg.det(np.eye(self.dim) + gradient)
+        J = tensors.stretch(gradient)
         stretch = 1.0 + np.einsum("nii->ni", smooth)
         if not (J.min(initial=1.0) > 0.0 and stretch.min(initial=1.0) > 0.0):
             p = int(np.argmin(np.where(np.isfinite(J), np.minimum(J, stretch.min(axis=1)), -np.inf)))

@@ -27,6 +27,13 @@ def strain(gradient: np.ndarray) -> np.ndarray:
     return row
 
 
+def dilate(strain: np.ndarray, volumetric: np.ndarray) -> np.ndarray:
+    """Strain rows (n, components) with the volumetric strain (n,) in place of their own."""
+    row = strain.copy()
+    row[:, :3] += (volumetric - strain[:, :3].sum(axis=1))[:, None] / 3.0
+    return row
+
+
 def matrix(stress: np.ndarray, dim: int) -> np.ndarray:
     """In-plane stress tensors (n, dim, dim) of stress rows (n, components)."""
     full = np.zeros((len(stress), dim, dim))
@@ -35,6 +42,14 @@ def matrix(stress: np.ndarray, dim: int) -> np.ndarray:
     for k, (i, j) in enumerate(SHEAR[dim]):
         full[:, i, j] = full[:, j, i] = stress[:, 3 + k]
     return full
+
+
+def stretch(gradient: np.ndarray) -> np.ndarray:
+    """det(I + gradient) (n,) of displacement gradients (n, dim, dim)."""
+    F = np.moveaxis(gradient, 0, -1) + np.eye(gradient.shape[1])[:, :, None]
+    if len(F) == 2:
+        return F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
+    return np.einsum("in,in->n", F[0], np.cross(F[1], F[2], axis=0))
 
 
 def mean(stress: np.ndarray) -> np.ndarray:

@@ -57,3 +57,9 @@ def test_von_mises_of_known_states():
 def test_out_of_plane_stress_counts():
     q = tensors.von_mises(np.array([[1.0, 1.0, 0.0, 0.0], [1.0, 1.0, 1.0, 0.0]]))
     np.testing.assert_allclose(q, [1, 0], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_stretch_is_the_determinant(dim):
+    gradient = np.random.default_rng(5).normal(size=(7, dim, dim))
+    np.testing.assert_allclose(tensors.stretch(gradient), np.linalg.det(np.eye(dim) + gradient), rtol=1e-12)
