@@ -117,12 +117,12 @@ class FacetPatch:
             V = fenicsx.space(self.grid.mesh, "DQ", 2, (self.grid.dim,))
             f = fem.Function(V)
             x = V.tabulate_dof_coordinates()[:, : self.grid.dim]
-            target = f.x.array.reshape(-1, self.grid.dim)
         else:
             f, x = fem.Constant(self.grid.mesh, np.zeros(self.grid.dim)), np.zeros((1, self.grid.dim))
-            target = f.value
 
         def refresh(start: float, end: float) -> None:
+            # asked for anew: in DOLFINx 0.5 the view of a constant's value does not keep the constant alive
+            target = f.x.array.reshape(-1, self.grid.dim) if placed else f.value
             target[:] = 0.5 * (function(start, x) + function(end, x)) if mean else function(end, x)
 
         self._refresh.append(refresh)

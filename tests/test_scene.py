@@ -1,5 +1,8 @@
 """What a scene holds: loads in every shape, one patch a surface, surface points that follow the grid."""
 
+import gc
+import weakref
+
 import dense
 import numpy as np
 import pytest
@@ -140,3 +143,18 @@ def test_the_tangent_has_no_dashpots_without_a_dashpot(grid):
     forms = [len(Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), terms)
                  .contributions) for terms in ([], [Viscous(grid.facets("bottom"), dense.SOFT)])]
     assert forms == [2, 3]
+
+
+def test_a_load_outlives_the_form_it_was_made_for(grid):
+    """A patch goes on writing the load of a term whose form is gone, so it must hold what it writes to."""
+    scene = dense.bare_scene(grid, Newmark(0.01))
+    loads = []
+    for value in ((1.0, 2.0), lambda t, x: x):
+        work = Traction(grid.facets("top"), value).bind(scene).work
+        mine = [f for f in (*work.coefficients(), *work.constants()) if f not in (scene.motion.u,)]
+        loads += [weakref.ref(f) for f in mine if hasattr(f, "value") or f.function_space != grid.space]
+        del work, mine
+    gc.collect()
+    assert len(loads) == 2
+    scene.prepare(0.0, 0.01)
+    assert all(load() is not None for load in loads)
