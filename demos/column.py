@@ -86,7 +86,7 @@ def answer(base, load):
     return exact.Column(height, soil.p_speed, soil.density, lambda t: pulse(t, load), end, base == "fixed", spring)
 
 
-def measure(run, base, load, until=end, progress=None):
+def measure(run, base, load, until=None, progress=None):
     """Run, and compare with the exact column: a row of figures, and curves of time, pressure, displacement."""
     middle, foot = (run.record(Probe("stress", (0.5, y))) for y in (height / 2, 0.0))
     half, top = (run.record(Probe("displacement", (0.5, y))) for y in (height / 2, height))
@@ -95,7 +95,7 @@ def measure(run, base, load, until=end, progress=None):
     row["unstable_at_step"] = None
     began = time.perf_counter()
     try:
-        run.until(until, progress)
+        run.until(end if until is None else until, progress)
     except RunError as error:
         row["unstable_at_step"], row["reason"] = run.steps + 1, str(error)
     row["steps"], row["seconds"] = run.steps, round(time.perf_counter() - began, 3)

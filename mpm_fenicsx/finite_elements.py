@@ -26,14 +26,15 @@ class FiniteElements(Run):
     """Small-strain finite element run on the whole grid, bilinear (trilinear) elements.
 
     The tangent does not change, so it is assembled and factored once; ``reassemble`` does it every step, as a
-    material point run must, for a fair clock.  ``solver``: PETSc options.
+    material point run must, for a fair clock.  ``solver``: PETSc options.  ``start``: the run
+    whose state this one goes on from, at time 0 again; a quasi-static one is at rest.
     """
 
     bodies = ()  # no material points
 
     def __init__(self, grid: Grid, material, stepping: Newmark | QuasiStatic, terms: Sequence,
                  reassemble: bool = False, newton: Newton | None = None,
-                 solver: Mapping[str, object] | None = None):
+                 solver: Mapping[str, object] | None = None, start: FiniteElements | None = None):
         super().__init__("FE", grid, stepping)
         self.material, self.reassemble = material, reassemble
         motion = self.motion = Motion(grid, stepping)
@@ -49,6 +50,8 @@ class FiniteElements(Run):
                       **(solver or {})}
         self.yielding = YieldingElements(motion, GaussPoints(grid), material) if material.history else None
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
+        if start is not None:
+            self._go_on_from(start)
 
     def step(self) -> None:
         """One step of length ``stepping.dt``.  Raises ``RunError`` naming step and time."""
@@ -83,6 +86,22 @@ class FiniteElements(Run):
             self.yielding.carry()
         self.scene.carry()
         self.collect()
+
+    def balance(self) -> tuple[np.ndarray, float]:
+        """What supports bear at the present displacement and loads, and what is out of balance elsewhere."""
+        self.scene.prepare(self.time, self.time)
+        return self.equilibrium.support(None)
+
+    def _go_on_from(self, start: FiniteElements) -> None:
+        if start.grid is not self.grid or start.material != self.material:
+            raise ValueError("start must be a finite element run on the same grid, of the same material")
+        fields = [(self.displacement, start.displacement)]
+        if self.stepping.dynamic and start.stepping.dynamic:
+            fields += [(self.motion.v, start.motion.v), (self.motion.a, start.motion.a)]
+        for f, before in fields:
+            f.x.array[:] = before.x.array
+        if self.yielding is not None:
+            self.yielding.take(start.yielding)
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 

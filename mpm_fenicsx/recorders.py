@@ -9,6 +9,7 @@ from dolfinx import fem
 
 from . import fenicsx
 from .checks import one_of
+from .grid import Grid
 from .run import FIELDS, Run
 
 
@@ -39,8 +40,8 @@ class Probe(Series):
     """A field at a place of the body; the place moves with the material.
 
     ``field``: displacement since attaching (m), velocity (m/s), acceleration (m/s²) or stress (Pa, rows as in
-    ``tensors``); ``at`` (dim,), m, when attached.  The value is a weighted mean of the samples nearest to ``at``,
-    exact for linear fields: material points or, in a finite element run, cell centres for stress and nodes for
+    ``tensors``); ``at`` (dim,), m, when attached.  The value is a weighted mean of the samples nearest to ``at`` (in
+    cells), exact for linear fields: material points or, in a finite element run, cell centres for stress and nodes for
     the rest.  Raises ``ValueError`` for a field that is not known or a place that is none.
     """
 
@@ -53,7 +54,8 @@ class Probe(Series):
         if self.at.shape != (run.grid.dim,) or not np.isfinite(self.at).all():
             raise ValueError(f"at must be {run.grid.dim} finite coordinates, got {self.at}")
         places, self._read = run.sampler(self.field)
-        self._rows, self._weights = _nearest(places, self.at, run.grid.comm)
+        h = _cell_size(run.grid)
+        self._rows, self._weights = _nearest(places / h, self.at / h, run.grid.comm)
         self._start = self._read(self._rows) if self.field == "displacement" else 0.0
         self(run)
 
@@ -117,6 +119,12 @@ class Energy(Series):
         return self["work"] - spent
 
 
+def _cell_size(grid: Grid) -> np.ndarray:
+    """Mean extents of the cells (dim,), m: the measure of what is near."""
+    x = grid.mesh.geometry.x[fenicsx.cell_vertices(grid.mesh)][: grid.owned_cells, :, : grid.dim]
+    return grid.comm.allreduce(np.ptp(x, axis=1).sum(axis=0)) / grid.comm.allreduce(grid.owned_cells)
+
+
 def _nearest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:
     """Rows of the local samples that serve ``at``, and their weights: exact for linear fields over all ranks."""
     dim = len(at)
@@ -126,11 +134,14 @@ def _nearest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> tuple[np.nda
     found = np.concatenate(comm.allgather(np.column_stack((distance[rows], np.full(len(rows), comm.rank), rows,
                                                            places[rows]))))
     found = found[np.argsort(found[:, 0], kind="stable")[:count]]
-    # least-norm weights w with Σ w = 1 and Σ w x = at, the norm growing as the fourth power of distance
-    offset = found[:, 3:] - at
+    # least-norm weights w with Σ w = 1 and Σ w x = at in the span of the samples, be it a point, a line or a plane;
+    # the norm grows as the fourth power of distance
+    spread = found[:, 3:] - found[:, 3:].mean(axis=0)
+    _, extent, axes = np.linalg.svd(spread, full_matrices=False)
+    offset = (found[:, 3:] - at) @ axes[extent > 1e-9 * max(1.0, extent[0])].T
     scale = max(found[:, 0].max(), np.finfo(float).tiny)
-    trust = 1.0 / ((found[:, 0] / scale) ** 2 + 1e-9) ** 2
-    A = np.vstack((np.ones(len(found)), offset.T / scale))
-    weights = trust * (A.T @ np.linalg.lstsq((A * trust) @ A.T, np.eye(1 + dim)[0], rcond=1e-12)[0])
+    trust = 1.0 / ((found[:, 0] / scale) ** 2 + 1e-9)
+    A = np.column_stack((np.ones(len(found)), offset / scale)).T
+    weights = trust * np.linalg.lstsq(A * trust, np.eye(len(A))[0], rcond=None)[0]
     mine = found[:, 1] == comm.rank
     return found[mine, 2].astype(int), weights[mine]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import inspect
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import singledispatch
@@ -13,14 +12,12 @@ from dolfinx import fem
 
 from . import fenicsx, forms
 from .grid import Grid, GridSurface
+from .loads import Load
 from .motion import Motion
 from .partition import anywhere
 from .points import SurfacePoints
 from .projection import AT_POINTS, Projection
 from .shapes import Stencil
-
-Load = Callable[[float, np.ndarray], np.ndarray]
-"""Load at time t (s) and places x (n, dim): (dim,) or (n, dim)."""
 
 
 @dataclass
@@ -67,27 +64,6 @@ class Scene:
             p.carry()
 
 
-def as_load(name: str, value, dim: int) -> tuple[Load, bool]:
-    """A load as a function of time and place, and whether it depends on place.
-
-    ``value``: (dim,) numbers, or a function of t, or of t and x (n, dim).  Raises ``ValueError`` naming ``name``.
-    """
-    try:
-        if not callable(value):
-            constant = np.array(value, float)
-            function, placed = (lambda t, x: constant), False
-        elif len(inspect.signature(value).parameters) >= 2:
-            function, placed = (lambda t, x: np.asarray(value(t, x), float)), True
-        else:
-            function, placed = (lambda t, x: np.asarray(value(t), float)), False
-        trial = function(0.0, np.zeros((3, dim)))
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} must give {dim} finite numbers, got {value!r}: {error}") from error
-    if trial.shape not in ([(dim,), (3, dim)] if placed else [(dim,)]) or not np.isfinite(trial).all():
-        raise ValueError(f"{name} must give {dim} finite numbers, got {trial!r} at t=0")
-    return function, placed
-
-
 @singledispatch
 def patch(surface, scene: Scene):
     """The boundary patch that serves a surface's coefficients to the forms."""
@@ -110,6 +86,17 @@ class FacetPatch:
         mesh = self.grid.mesh
         values = (fem.Constant(mesh, np.array(v)) for v in (along, across))
         return forms.along_and_across(ufl.FacetNormal(mesh), *values)
+
+    def held(self, value):
+        """A load (Pa) that is a vector field on the mesh, taken as it is; None for any other.
+
+        Raises ``ValueError`` for a field on another mesh or of another size.
+        """
+        if not isinstance(value, fem.Function):
+            return None
+        if value.function_space.mesh is not self.grid.mesh or value.ufl_shape != (self.grid.dim,):
+            raise ValueError(f"a field on facets must be a vector on the grid's mesh, got {value!r}")
+        return value
 
     def load(self, function: Load, placed: bool, mean: bool = False):
         """A load (Pa) at the end of the step or, if ``mean``, its mean over the step."""
@@ -163,7 +150,7 @@ class PointPatch:
             raise ValueError("on: the surface has no points")
         self.grid, self.motion, self.points = scene.grid, scene.motion, points
         self.measure = self.grid.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
-        self._stencil = Stencil(self.grid, len(points), support=False)
+        self.stencil = Stencil(self.grid, len(points), support=False)
         self._cell = self.grid.find(self._inward())
         self._check()
         self._refresh: list[Callable[[float, float], None]] = []
@@ -186,7 +173,7 @@ class PointPatch:
 
         def refresh(start: float, end: float) -> None:
             projection.clear()
-            projection.add(self._stencil, self.points.area[:, None] * values(start, end))
+            projection.add(self.stencil, self.points.area[:, None] * values(start, end))
             projection.finish()
 
         self._refresh.append(refresh)
@@ -203,6 +190,18 @@ class PointPatch:
         found = self._field(len(upper[0]), lambda *_: self._tensors(along, across)[:, upper[0], upper[1]])
         at = {(i, j): f for i, j, f in zip(*upper, found, strict=True)}
         return ufl.as_tensor([[at[min(i, j), max(i, j)] for j in range(dim)] for i in range(dim)])
+
+    def held(self, value):
+        """A load (Pa) that is one row a surface point (n, dim) and moves with them; None for any other.
+
+        Raises ``ValueError`` for rows that do not fit, or a field on the mesh.
+        """
+        rows = isinstance(value, np.ndarray) and value.ndim == 2
+        fits = rows and value.shape == self.points.x.shape and np.isfinite(value).all()
+        if isinstance(value, fem.Function) or (rows and not fits):
+            raise ValueError(f"a load on surface points must be {self.points.x.shape} finite numbers, got {value!r}")
+        constant = value.copy() if rows else None
+        return self.load(lambda *_: constant, placed=True) if rows else None
 
     def load(self, function: Load, placed: bool, mean: bool = False):
         """A load (Pa) at the end of the step or, if ``mean``, its mean over the step."""
@@ -227,14 +226,14 @@ class PointPatch:
         """Find the points and bring coefficients to the step."""
         self.grid.walk(self._inward(), self._cell)
         self._check()
-        self._stencil.place(self.points.x, None, self._cell)
+        self.stencil.place(self.points.x, None, self._cell)
         for refresh in self._refresh:
             refresh(start, end)
 
     def carry(self) -> None:
         """Move with the grid's displacement."""
         u = self.motion.nodal(self.motion.u)
-        self.points.follow(self._stencil.at_points(u), self._stencil.gradient_at_points(u))
+        self.points.follow(self.stencil.at_points(u), self.stencil.gradient_at_points(u))
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs."""

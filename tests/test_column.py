@@ -10,7 +10,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 import column
 
 
-def measured(base, load, mapping=None, until=1.5):
+def measured(base, load, mapping=None, until=None):
     run = column.finite_elements(base, load) if mapping is None else column.material_points(base, load, mapping)
     return column.measure(run, base, load, until)[0]
 
@@ -62,6 +62,7 @@ def test_an_unstable_run_is_reported_not_hidden():
 def test_the_script_writes_figure_and_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(column, "end", 0.01)
     rows = column.main(["--results", str(tmp_path)])
+    assert all(row["steps"] == 10 for row in rows)
     assert json.loads((tmp_path / "column.json").read_text()) == rows
     assert {(row["mapping"], row["load_kpa"]) for row in rows} == {
         ("FE", 300.0), ("MPM", 300.0), ("GIMP", 300.0), ("DM-GC", 300.0), ("FE", 0.3), ("DM-GC", 0.3)}

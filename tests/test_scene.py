@@ -22,7 +22,7 @@ from mpm_fenicsx import (
     Viscoelastic,
     Viscous,
 )
-from mpm_fenicsx.scene import as_load
+from mpm_fenicsx.loads import as_load
 
 
 @pytest.fixture

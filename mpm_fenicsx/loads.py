@@ -1,0 +1,32 @@
+"""What a load may be: numbers, or a function of time, or of time and place."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+
+import numpy as np
+
+Load = Callable[[float, np.ndarray], np.ndarray]
+"""Load at time t (s) and places x (n, dim): (dim,) or (n, dim)."""
+
+
+def as_load(name: str, value, dim: int) -> tuple[Load, bool]:
+    """A load as a function of time and place, and whether it depends on place.
+
+    ``value``: (dim,) numbers, or a function of t, or of t and x (n, dim).  Raises ``ValueError`` naming ``name``.
+    """
+    try:
+        if not callable(value):
+            constant = np.array(value, float)
+            function, placed = (lambda t, x: constant), False
+        elif len(inspect.signature(value).parameters) >= 2:
+            function, placed = (lambda t, x: np.asarray(value(t, x), float)), True
+        else:
+            function, placed = (lambda t, x: np.asarray(value(t), float)), False
+        trial = function(0.0, np.zeros((3, dim)))
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name} must give {dim} finite numbers, got {value!r}: {error}") from error
+    if trial.shape not in ([(dim,), (3, dim)] if placed else [(dim,)]) or not np.isfinite(trial).all():
+        raise ValueError(f"{name} must give {dim} finite numbers, got {trial!r} at t=0")
+    return function, placed

@@ -1,0 +1,281 @@
+"""Probes that are exact for linear fields wherever they are put, and an energy balance that closes."""
+
+import dense
+import numpy as np
+import plastic
+import pytest
+from plastic import DIRECT, LAW
+
+from mpm_fenicsx import (
+    DM_GC,
+    GIMP,
+    Energy,
+    FiniteElements,
+    Fixed,
+    Gravity,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    Newton,
+    Probe,
+    QuasiStatic,
+    RunError,
+    Simulation,
+    Traction,
+    Viscoelastic,
+    Viscous,
+    VonMises,
+    tensors,
+)
+
+DIMS = pytest.mark.parametrize("dim", [2, 3])
+KINDS = pytest.mark.parametrize("kind", ["FE", "points"])
+FIELDS = pytest.mark.parametrize("field", ["displacement", "velocity", "acceleration", "stress"])
+
+
+# -- probes ---------------------------------------------------------------------------------------------------------
+
+
+def linear(dim, size, rng):
+    """A linear function of x (n, dim)."""
+    A, b = rng.normal(size=(dim, size)), rng.normal(size=size)
+    return lambda x: x @ A + b
+
+
+def run_with(kind, dim, field, rng):
+    """A run whose field is linear in space, the function that changes it to be so, and its value at x."""
+    grid = dense.uneven(dim)
+    size = tensors.components(dim) if field == "stress" else dim
+    f = linear(dim, size, rng)
+    if kind == "points":
+        body = dense.random_body(grid, rng)
+        run = Simulation(grid, body, Newmark(1e-3), [])
+        name, place = ("x" if field == "displacement" else field), body.x.copy()
+
+        def spoil():
+            getattr(body, name)[:] = f(place) + (place if field == "displacement" else 0.0)
+
+        return run, spoil, f
+    run = FiniteElements(grid, dense.SOIL, Newmark(1e-3), [])
+    x = grid.space.tabulate_dof_coordinates()[:, :dim]
+    if field != "stress":
+        nodal = run.displacement if field == "displacement" else getattr(run.motion, field[0])
+        return run, lambda: run.motion.nodal(nodal).__setitem__(slice(None), f(x)), f
+    Q, A = rng.normal(size=(dim, dim, dim)), rng.normal(size=(dim, dim))
+    Q = Q + Q.transpose(0, 2, 1)
+
+    def stress(at):
+        return dense.SOIL.update(tensors.strain(A + np.einsum("ijk,nk->nij", Q, at)), np.zeros((len(at), size)))
+
+    def bend():
+        run.motion.nodal(run.displacement)[:] = x @ A.T + 0.5 * np.einsum("ijk,nj,nk->ni", Q, x, x)
+
+    return run, bend, stress
+
+
+def places(run, rng):
+    """Random places, corners, an edge, a sample, places all but on one, and some outside."""
+    dim, low, high = run.grid.dim, run.grid.lower_corner, run.grid.upper_corner
+    samples = run.sampler("stress")[0]
+    near = [samples[3] + 10.0**-k * rng.normal(size=dim) for k in range(2, 14)]
+    return [*rng.uniform(low, high, (6, dim)), low, high, np.r_[high[0], low[1:]], samples[2], *near,
+            high + 0.2, low - 0.1 * rng.uniform(size=dim)]
+
+
+@FIELDS
+@DIMS
+@KINDS
+def test_probes_are_exact_for_linear_fields_at_any_place(kind, dim, field):
+    rng = np.random.default_rng(8)
+    run, change, exact = run_with(kind, dim, field, rng)
+    if field != "displacement":  # that counts from here
+        change()
+    at = np.array(places(run, rng))
+    probes = [run.record(Probe(field, x)) for x in at]
+    change()
+    expected = exact(at)
+    for probe, value in zip(probes, expected, strict=True):
+        probe(run)
+        assert probe.values.shape == (2, expected.shape[1])
+        np.testing.assert_allclose(probe.values[1], value, rtol=0, atol=1e-8 * np.abs(expected).max())
+        start = 0.0 * value if field == "displacement" else value
+        np.testing.assert_allclose(probe.values[0], start, rtol=0, atol=1e-8 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("cells", [(1, 20), (5, 20), (20, 5), (1, 1)])
+def test_probes_on_columns_and_flat_cells(cells):
+    """Along what the samples span a linear field is exact; across it, a constant."""
+    grid = Grid.box((0, 0), (10, 1), cells)
+    run = FiniteElements(grid, dense.SOIL, QuasiStatic(1), [])
+    run.motion.nodal(run.displacement)[:] = dense.at_nodes(grid, lambda x: 1.0 + 2 * x).reshape(-1, 2)
+    for at in ((3.3, 0.5), (0.0, 0.0), (9.9, 0.013), (5.0, 1.2)):
+        stress = run.record(Probe("stress", at)).values[0]
+        np.testing.assert_allclose(stress, run.stress(np.array([0]))[0], rtol=1e-9, atol=1e-3)
+        probe = run.record(Probe("displacement", at))
+        run.motion.nodal(run.displacement)[:] *= 2.0
+        probe(run)
+        run.motion.nodal(run.displacement)[:] *= 0.5
+        np.testing.assert_allclose(probe.values[1], 1.0 + 2 * np.array(at), rtol=1e-9)
+
+
+def test_a_probe_follows_the_material():
+    """A body in free flight takes its probe along, over several cells."""
+    grid = Grid.box((0, 0), (4, 2), (8, 4))
+    body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.3, inside=lambda x: (x < 1).all(axis=0))
+    body.velocity = np.tile([8.0, 1.0], (len(body), 1))
+    body.stress[:, 0] = np.arange(len(body))
+    run = Simulation(grid, body, Newmark(0.02), [], solver=DIRECT)
+    u, v = run.record(Probe("displacement", (0.4, 0.6))), run.record(Probe("velocity", (0.4, 0.6)))
+    body.stress[:] = 0.0
+    run.until(0.2)
+    np.testing.assert_allclose(u.values, u.times[:, None] * [8.0, 1.0], atol=1e-8)
+    np.testing.assert_allclose(v.values, np.tile([8.0, 1.0], (11, 1)), rtol=1e-8)
+
+
+@KINDS
+def test_what_a_probe_refuses(kind):
+    def make(stepping):
+        grid = dense.uneven(2)
+        return plastic.run_of(None if kind == "FE" else DM_GC, grid, stepping, [], law=dense.SOIL)
+
+    with pytest.raises(ValueError, match=r"field must be one of displacement, velocity, .*got 'strain'"):
+        Probe("strain", (0.0, 0.0))
+    for at in ((0.5, 0.5, 0.5), (0.5,), 0.5, (np.nan, 0.5), (np.inf, 0.0)):
+        with pytest.raises(ValueError, match="at must be 2 finite coordinates, got"):
+            make(Newmark(1e-3)).record(Probe("stress", at))
+    for field in ("velocity", "acceleration"):
+        with pytest.raises(ValueError, match=f"field '{field}' is not part of this scene"):
+            make(QuasiStatic(2)).record(Probe(field, (0.5, 0.5)))
+
+
+# -- energy ---------------------------------------------------------------------------------------------------------
+
+
+def shaken(kind, dim, size=1.0, soil=dense.SOIL, springs=True):
+    """Traction and gravity from nothing, on a base that absorbs, with springs beside it on one side."""
+    grid = dense.uneven(dim)
+    terms = [Viscous(grid.facets("left"), soil), Fixed(grid.facets("bottom")),
+             Gravity(lambda t: size * np.sin(300 * t) * (np.arange(dim) + 1.0)),
+             Traction(grid.facets("top"), lambda t, x: size * 1e3 * np.sin(200 * t) * x)]
+    terms += [Viscoelastic(grid.facets("right"), soil, 2.0)] if springs else []
+    return plastic.run_of(kind, grid, Newmark(1e-3), terms, law=soil, solver=DIRECT)
+
+
+@DIMS
+def test_the_balance_of_elastic_finite_elements_closes_to_rounding(dim):
+    run = shaken(None, dim)
+    energy = run.record(Energy())
+    run.until(0.03)
+    flow = np.abs(energy["work"]).max()
+    for name in ("absorbed", "stored", "kinetic", "strain"):
+        assert energy[name].max() > 1e-3 * flow, name
+    assert np.abs(energy.lost).max() < 1e-10 * flow
+    assert (energy["plastic"] == 0.0).all()
+    assert (np.diff(energy["absorbed"]) >= 0.0).all()
+
+
+@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+def test_the_balance_of_points_closes_to_a_share_at_small_strain(mapping):
+    """The points' kinetic energy is not that of the consistent mass: on a smooth motion the difference is small."""
+    soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+    lost = []
+    for cells in (8, 16):
+        grid = Grid.box((0, 0), (2, 2), (cells, cells))
+        body = MaterialPoints.fill(grid, soil, 4)
+        pulse = Traction(grid.facets("top"), lambda t, x: -1e-1 * np.sin(20 * t) ** 2 * np.array([0.3, 1.0]) * x[:, :1])
+        run = Simulation(grid, body, Newmark(1e-3), [Viscous(grid.facets("bottom"), soil), pulse], mapping)
+        energy = run.record(Energy())
+        run.until(0.06)
+        assert energy["absorbed"][-1] > 0.05 * energy["work"][-1]
+        lost.append(np.abs(energy.lost).max() / energy["work"].max())
+    assert lost[1] < lost[0] < 1e-2
+    assert lost[1] < 3e-3
+
+
+@pytest.mark.parametrize("kind", [None, GIMP, DM_GC], ids=["FE", "GIMP", "DM-GC"])
+def test_statics_balances_work_and_strain(kind):
+    """Loads that grow evenly do the mean of load and displacement: exact in small strain, elastic."""
+    grid = dense.uneven(2)
+    terms = [Fixed(grid.facets("bottom")), Gravity(lambda t: (0.0, -1e-3 * t)),
+             Traction(grid.facets("top"), lambda t, x: t * np.array([1.0, -1.0]) * x)]
+    run = plastic.run_of(kind, grid, QuasiStatic(4), terms, law=dense.SOIL)
+    energy = run.record(Energy())
+    run.until(1.0)
+    assert energy["work"][-1] > 0.0
+    assert (energy["kinetic"] == 0.0).all()
+    # the points' strain energy is that of their strain, the element's that of its Gauss points
+    tolerance = 1e-10 if kind is None else 0.05
+    assert np.abs(energy.lost).max() < tolerance * energy["work"][-1]
+
+
+@pytest.mark.parametrize("kind", [None, DM_GC], ids=["FE", "DM-GC"])
+def test_plastic_work_is_where_the_energy_goes(kind):
+    law = VonMises(plastic.ELASTIC, peak=10e3, residual=6e3, softening=50e3)
+    grid = Grid.box((0, 0), (3, 3), (12, 12))
+    pulse = Traction(grid.facets("top"), lambda t, x: np.array([0.15, -1.0]) * 32e3 * min(t / 0.1, 1.0)
+                     * np.sin(np.pi * x[:, :1] / 3))
+    run = plastic.run_of(kind, grid, Newmark(1e-3), [Fixed(grid.facets("bottom")), pulse,
+                                                     Viscous(grid.facets("left", "right"), law)], law=law)
+    energy = run.record(Energy())
+    run.until(0.15)
+    total = energy["work"].max()
+    assert energy["plastic"][-1] > 0.05 * total
+    assert (np.diff(energy["plastic"]) >= -1e-12 * total).all()
+    assert np.abs(energy.lost).max() < 0.01 * total
+
+
+@pytest.mark.parametrize("kind", [None, DM_GC], ids=["FE", "DM-GC"])
+def test_a_recorder_attached_late_starts_there(kind):
+    run = shaken(kind, 2)
+    first, u = run.record(Energy()), run.record(Probe("displacement", (0.6, 0.8)))
+    run.until(0.01)
+    late, v = run.record(Energy()), run.record(Probe("displacement", (0.6, 0.8)))
+    run.until(0.02)
+    np.testing.assert_array_equal(late.times, first.times[10:])
+    for name in ("work", "absorbed", "stored"):
+        since = first[name][10:] - first[name][10]
+        np.testing.assert_allclose(late[name], since, atol=1e-12 * np.abs(first[name]).max())
+    for name in ("kinetic", "strain"):
+        np.testing.assert_allclose(late[name], first[name][10:], rtol=1e-12)
+    np.testing.assert_allclose(late.lost, first.lost[10:] - first.lost[10], atol=1e-11 * first["work"].max())
+    np.testing.assert_allclose(late.left, late["kinetic"] + late["strain"])
+    if kind is None:
+        np.testing.assert_allclose(v.values, u.values[10:] - u.values[10], atol=1e-12 * np.abs(u.values).max())
+    np.testing.assert_array_equal(v.values[0], 0.0)
+
+
+def test_names_of_energies():
+    run = shaken(None, 2)
+    energy = run.record(Energy())
+    assert Energy.NAMES == ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
+    for name in Energy.NAMES:
+        np.testing.assert_array_equal(energy[name], [0.0])
+    with pytest.raises(ValueError, match=r"name must be one of work, kinetic, .*got 'heat'"):
+        energy["heat"]
+
+
+def test_what_a_scene_does_not_have_stays_zero_and_costs_nothing():
+    grid = dense.uneven(2)
+    run = FiniteElements(grid, dense.SOIL, Newmark(1e-3), [Fixed(grid.facets("bottom"))])
+    run.motion.nodal(run.motion.v)[:] = dense.at_nodes(grid, lambda x: x[:, 1:] * [1.0, 0.0]).reshape(-1, 2)
+    energy = run.record(Energy())
+    run.until(0.005)
+    assert energy._forms == {}
+    for name in ("work", "plastic", "absorbed", "stored"):
+        assert (energy[name] == 0.0).all()
+    assert energy["kinetic"][0] > 0.0
+    np.testing.assert_allclose(energy.left, energy.left[0], rtol=1e-2)
+
+
+def test_what_was_recorded_before_an_error_is_kept():
+    run = plastic.static(None, steps=8, newton=Newton(iterations=2, cuts=0))
+    energy, stress = run.record(Energy()), run.record(Probe("stress", (0.5, 0.5)))
+    with pytest.raises(RunError):
+        run.until(1.0)
+    assert 2 < len(energy.times) == len(stress.times) == run.steps + 1 < 9
+    assert np.isfinite(energy.values).all()
+    assert np.ptp(energy.lost[1:]) < 0.01 * energy["work"][-1]  # in the first step gravity comes from nowhere
+    q = tensors.von_mises(stress.values)
+    assert (np.diff(q) > 0.0).all()
+    assert q[-1] < 1.01 * np.sqrt(3) * LAW.peak

@@ -1,0 +1,358 @@
+"""From rest under gravity to dynamics: what fixed edges bore is carried over, and surfaces move with the material."""
+
+import dense
+import numpy as np
+import pytest
+
+from mpm_fenicsx import (
+    DM_GC,
+    GIMP,
+    Energy,
+    FiniteElements,
+    Fixed,
+    Gravity,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    Probe,
+    QuasiStatic,
+    RunError,
+    Simulation,
+    SurfacePoints,
+    Traction,
+    Viscoelastic,
+    Viscous,
+    VonMises,
+    exact,
+)
+
+SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+PLASTIC = VonMises(SOIL, peak=60e3, residual=20e3, softening=50e3)
+G = 9.81
+WALLS = {2: {"left": "x", "right": "x"}, 3: {"left": "x", "right": "x", "bottom": "y", "top": "y"}}
+BASE = {2: "bottom", 3: "back"}
+VISCOUS = {"viscous": lambda on: Viscous(on, SOIL), "viscoelastic": lambda on: Viscoelastic(on, SOIL, 20.0)}
+
+
+class Column:
+    """A column at rest under gravity on a grid that fits it; then on one with room to drift, or on its elements."""
+
+    def __init__(self, mapping=None, dim=2, height=3.0, h=0.25, soil=SOIL, base=None):
+        self.mapping, self.dim, self.h, self.height = mapping, dim, h, height
+        room = 0.0 if mapping is None else 2 * h
+        self.gravity = Gravity((0.0,) * (dim - 1) + (-G,))
+        self.grid = self._grid(0.0, 0.0, room)
+        terms = [self.gravity, Fixed(self.grid.facets(BASE[dim]), base), *self._rollers(self.grid)]
+        if mapping is None:
+            self.static = FiniteElements(self.grid, soil, QuasiStatic(1), terms)
+        else:
+            self.points = MaterialPoints.fill(self.grid, soil, 2**dim, inside=lambda x: x[-1] < height)
+            self.static = Simulation(self.grid, self.points, QuasiStatic(1), terms, mapping)
+        self.static.step()
+        self.left = self.static.settle()
+        self.speed = G * height / SOIL.p_speed  # σ/(ρ c)
+
+    def _grid(self, beside, below, above):
+        lower, upper = [-beside] * (self.dim - 1) + [-below], [1 + beside] * (self.dim - 1) + [self.height + above]
+        return Grid.box(lower, upper, [round((b - a) / self.h) for a, b in zip(lower, upper, strict=True)])
+
+    def _rollers(self, grid):
+        return [Fixed(grid.facets(side), axis) for side, axis in WALLS[self.dim].items()]
+
+    def surfaces(self, walls):
+        make = self.grid.facets if self.mapping is None else self.points.surface
+        return [make(BASE[self.dim])] + [make(side) for side in WALLS[self.dim] if walls]
+
+    def release(self, surfaces, more, dt=1e-3):
+        """The dynamic run, ``surfaces`` (base, and perhaps walls) no longer fixed."""
+        walls = len(surfaces) > 1
+        grid, room = self.grid, 2 * self.h
+        if self.mapping is not None:
+            grid = self._grid(room if walls else 0.0, room, room)
+        terms = [self.gravity, *([] if walls else self._rollers(grid)), *more]
+        if self.mapping is None:
+            return FiniteElements(grid, self.static.material, Newmark(dt), terms, start=self.static)
+        return Simulation(grid, self.points, Newmark(dt), terms, self.mapping)
+
+    def velocity(self, run):
+        return run.motion.nodal(run.motion.v) if self.mapping is None else self.points.velocity
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(11)
+
+
+MAPPINGS = pytest.mark.parametrize("mapping", [None, DM_GC, GIMP], ids=lambda m: m.name if m else "FE")
+
+
+# -- case 11 --------------------------------------------------------------------------------------------------------
+
+
+@MAPPINGS
+@pytest.mark.parametrize(("soil", "boundary", "walls"), [
+    (SOIL, "viscous", False), (SOIL, "viscoelastic", True), (PLASTIC, "viscous", True),
+], ids=["base, viscous", "base and walls, viscoelastic", "base and walls, von Mises"])
+def test_with_its_reactions_nothing_moves(mapping, soil, boundary, walls):
+    column = Column(mapping, soil=soil)
+    assert column.left <= 1e-10
+    surfaces = column.surfaces(walls)
+    run = column.release(surfaces, column.static.reactions(*surfaces) + [VISCOUS[boundary](s) for s in surfaces])
+    assert run.time == 0.0
+    fastest = 0.0
+    for _ in range(200):
+        run.step()
+        fastest = max(fastest, np.abs(column.velocity(run)).max())
+    assert fastest < 1e-9 * column.speed
+
+
+@MAPPINGS
+def test_in_3d_nothing_moves_either(mapping):
+    column = Column(mapping, dim=3, height=1.0, h=0.5)
+    surfaces = column.surfaces(walls=True)
+    run = column.release(surfaces, column.static.reactions(*surfaces) + [Viscous(s, SOIL) for s in surfaces], dt=5e-3)
+    run.until(0.25)
+    assert np.abs(column.velocity(run)).max() < 1e-9 * column.speed
+
+
+@MAPPINGS
+def test_without_its_reactions_the_column_drifts(mapping):
+    """At σ/(ρc) everywhere, once the unloading has been to the top and back."""
+    column = Column(mapping)
+    surfaces = column.surfaces(walls=False)
+    run = column.release(surfaces, [Viscous(s, SOIL) for s in surfaces])
+    run.until(0.2)
+    assert run.time > 3 * (2 * column.height / SOIL.p_speed)
+    np.testing.assert_allclose(column.velocity(run)[:, 1], -column.speed, rtol=0.02)
+
+
+# -- what the tractions are -----------------------------------------------------------------------------------------
+
+
+@MAPPINGS
+def test_walls_bear_earth_pressure_at_rest_and_the_base_the_weight(mapping):
+    column = Column(mapping, height=4.0, base="y")
+    surfaces = column.surfaces(walls=True)
+    at_rest = SOIL.poisson / (1 - SOIL.poisson) * SOIL.density * G
+    weight, push = SOIL.density * G * column.height, at_rest * column.height**2 / 2
+    totals = []
+    for surface, carried in zip(surfaces, column.static.reactions(*surfaces), strict=True):
+        if mapping is None:
+            from dolfinx import fem
+            totals.append([fem.assemble_scalar(fem.form(carried.value[i] * surface.measure)) for i in range(2)])
+        else:
+            totals.append(surface.area @ carried.value)
+            depth = column.height - surface.x[:, 1]
+            expected = np.outer(at_rest * depth, [1.0, 0.0]) * -surface.normal[:, :1] if surface is not surfaces[0] \
+                else np.array([[0.0, weight]])
+            inner = np.abs(surface.x[:, 1] - column.height / 2) < column.height / 4 if surface is not surfaces[0] \
+                else slice(None)
+            difference = (carried.value - expected)[inner]
+            assert np.abs(difference).max() < 0.02 * weight
+    np.testing.assert_allclose(totals, [[0, weight], [push, 0], [-push, 0]], atol=0.02 * push)
+
+
+def loaded(mapping, rng):
+    """An uneven grid, points anywhere, a strip load; surface points that the static run carries along."""
+    grid = dense.uneven(2)
+    body = MaterialPoints.fill(grid, SOIL, 4, jitter=0.3, seed=int(rng.integers(99)))
+    on = [body.surface(side) for side in ("left", "right", "bottom")]
+    strip = body.surface("top", lambda x: x[0] < 0.4)
+    keep = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
+    still = [Traction(surface, (0.0, 0.0)) for surface in on]
+    run = Simulation(grid, body, QuasiStatic(2), [Traction(strip, lambda t: (0.0, -3e5 * t)), *keep, *still], mapping)
+    run.until(1.0)
+    return run, on
+
+
+@pytest.mark.parametrize("mapping", [DM_GC, GIMP], ids=str)
+def test_tractions_sum_to_the_nodal_reactions(mapping, rng):
+    run, on = loaded(mapping, rng)
+    run.settle(1e-8)
+    borne, _ = run.balance()
+    found = sum(dense.hats(run.grid, term.on.x).T @ (term.on.area[:, None] * term.value)
+                for term in run.reactions(*on))
+    assert np.abs(borne).max() > 1e4
+    assert np.abs(found.ravel() - borne).max() < 1e-8 * np.abs(borne).max()
+    assert np.array_equal(run.balance()[0], borne)  # looking changes nothing
+
+
+def test_tractions_of_elements_sum_to_the_nodal_reactions():
+    grid = Grid.rectilinear([dense.LINES, dense.LINES], {"strip": lambda x: (x[1] > 0.999) & (x[0] < 0.31)})
+    keep = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
+    run = FiniteElements(grid, SOIL, QuasiStatic(1), [Traction(grid.facets("strip"), (0.0, -3e5)), *keep])
+    run.step()
+    borne, left = run.balance()
+    assert left < 1e-10
+    terms = run.reactions(*(grid.facets(side) for side in ("left", "right", "bottom")))
+    found = sum(-dense.vector(grid.space, term.bind(dense.bare_scene(grid, Newmark(1.0))).work) for term in terms)
+    assert np.abs(found - borne).max() < 1e-10 * np.abs(borne).max()
+
+
+def test_carried_tractions_add_to_others_on_the_same_surface():
+    """Elements are linear: under gravity with its reactions a pulse does what it does without either."""
+    def pulse(t):
+        return 0.0, 1e3 * np.sin(100.0 * t)
+
+    column = Column()
+    [base] = surfaces = column.surfaces(walls=False)
+    run = column.release(surfaces, [*column.static.reactions(base), Traction(base, pulse), Viscous(base, SOIL)])
+    alone = FiniteElements(column.grid, SOIL, Newmark(1e-3), [*column._rollers(column.grid), Traction(base, pulse),
+                                                              Viscous(base, SOIL)])
+    energy = run.record(Energy())
+    run.until(0.05)
+    alone.until(0.05)
+    v = column.velocity(alone)
+    assert np.abs(v).max() > 1e-3
+    np.testing.assert_allclose(column.velocity(run), v, atol=1e-9 * np.abs(v).max())
+    assert abs(energy.lost[-1]) < 1e-9 * abs(energy["work"]).max()
+
+
+# -- equilibrium of the static stage --------------------------------------------------------------------------------
+
+
+def test_settling_reaches_what_one_solve_leaves(rng):
+    run, _ = loaded(DM_GC, rng)
+    before, x = run.balance()[1], run.bodies[0].x.copy()
+    assert before > 1e-4
+    with pytest.raises(RunError, match=r"out of balance .* after 2 steps at t = 1"):
+        run.settle(steps=2)
+    left = run.settle(1e-8)
+    assert left == run.balance()[1] <= 1e-8 < before
+    assert run.steps == 2 and run.time == 1.0
+    x, solves = run.bodies[0].x.copy(), run.equilibrium.solves
+    assert run.settle(1e-8) == left and run.equilibrium.solves == solves  # nothing left to do
+    np.testing.assert_array_equal(run.bodies[0].x, x)
+
+
+def test_an_elastic_scene_does_not_pay_for_settling():
+    column = Column(DM_GC)
+    surfaces = column.surfaces(walls=False)
+    run = column.release(surfaces, [Viscous(s, SOIL) for s in surfaces])
+    run.step()
+    assert "_forces" not in vars(run.equilibrium)
+
+
+def test_yielded_elements_go_on_as_they_are():
+    grid = Grid.box((0, 0), (2, 2), (8, 8), {"strip": lambda x: (x[1] > 1.99) & (x[0] < 0.51)})
+    weak = VonMises(SOIL, peak=10e3, residual=5e3, softening=50e3)
+    load = Traction(grid.facets("strip"), (0.0, -50e3))
+    keep = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
+    static = FiniteElements(grid, weak, QuasiStatic(1), [load, *keep])
+    static.step()
+    static.settle()
+    assert static.yielding.history.max() > 0.0
+    edges = [grid.facets(side) for side in ("left", "right", "bottom")]
+    run = FiniteElements(grid, weak, Newmark(1e-3), [load, *static.reactions(*edges),
+                                                     *(Viscous(edge, SOIL) for edge in edges)], start=static)
+    run.until(0.05)
+    assert np.abs(run.motion.v.x.array).max() < 1e-6 * 50e3 / (SOIL.density * SOIL.p_speed)
+    assert run.yielding.state is not static.yielding.state
+
+
+# -- refusals -------------------------------------------------------------------------------------------------------
+
+
+def test_what_cannot_be_carried_over_is_refused(rng):
+    run, on = loaded(DM_GC, rng)
+    grid, body = run.grid, run.bodies[0]
+    for surfaces, message in [((), "must all be"), ((on[0], grid.facets("bottom")), "must all be"),
+                              ((on[2], body.surface("top")), "number 1 is on no fixed edge"),
+                              ((grid.facets("top"),), "number 0 is on no fixed edge"),
+                              ((grid.facets("left", "bottom"),), "give them one by one"),
+                              ((dense.uneven(2).facets("left"),), "another grid")]:
+        with pytest.raises(ValueError, match=message):
+            run.reactions(*surfaces)
+    few = SurfacePoints(on[2].x[:2], on[2].normal[:2], on[2].area[:2])
+    with pytest.raises(ValueError, match="too few"):
+        run.reactions(on[0], on[1], few, SurfacePoints([[0.9, 0.0]], [[0.0, -1.0]], [0.1]))
+    dynamic = Simulation(grid, body, Newmark(1e-3), [])
+    for call in (dynamic.settle, lambda: dynamic.reactions(on[0])):
+        with pytest.raises(ValueError, match="needs a quasi-static run"):
+            call()
+    for value in (np.zeros((3, 2)), np.full(on[0].x.shape, np.nan), grid_field(grid)):
+        with pytest.raises(ValueError, match="a load on surface points must be"):
+            Traction(on[0], value).bind(dense.bare_scene(grid, Newmark(1e-3)))
+    with pytest.raises(ValueError, match="vector on the grid's mesh"):
+        Traction(grid.facets("top"), grid_field(dense.uneven(2))).bind(dense.bare_scene(grid, Newmark(1e-3)))
+
+
+def grid_field(grid):
+    from dolfinx import fem
+    return fem.Function(grid.space)
+
+
+def test_another_grid_or_material_cannot_be_the_start():
+    static = Column().static
+    for grid, soil in ((dense.uneven(2), SOIL), (static.grid, dense.SOFT)):
+        with pytest.raises(ValueError, match="same grid, of the same material"):
+            FiniteElements(grid, soil, Newmark(1e-3), [], start=static)
+
+
+# -- surfaces move with the material --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mapping", [DM_GC, GIMP], ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_surfaces_are_dragged_across_cells(dim, mapping):
+    grid = Grid.box((0,) * dim, (4,) * dim, (8,) * dim)
+    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0))
+    surfaces = [body.surface(side) for side in ["left", "right", *WALLS[dim], BASE[dim]][2:]]
+    v = np.array([6.0, 4.5, -1.5])[:dim]
+    body.velocity = np.tile(v, (len(body), 1))
+    before = [(s.x.copy(), s.normal.copy(), s.area.copy()) for s in surfaces]
+    run = Simulation(grid, body, Newmark(0.02), [Traction(s, np.zeros(s.x.shape)) for s in surfaces], mapping)
+    run.until(0.32)
+    assert v[0] * run.time > 3 * 0.5
+    for surface, (x, normal, area) in zip(surfaces, before, strict=True):
+        np.testing.assert_allclose(surface.x, x + v * run.time, atol=1e-9)
+        np.testing.assert_allclose(surface.normal, normal, atol=1e-9)
+        np.testing.assert_allclose(surface.area, area, rtol=1e-9)
+
+
+def strip_of_soil(mapping, shift, h=0.25, dt=1e-3):
+    """A pulse on a column with a dashpot below, everything ``shift`` cells (m) off; absorbed/work, error, stresses."""
+    def load(t):
+        return 300.0 * np.maximum(0.0, 1.0 - np.abs(t - 0.05) / 0.05)
+
+    grid = Grid.box((0, -4 * h), (1, 3 + 4 * h), (round(1 / h), round(3 / h) + 8))
+    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[1] > 0) & (x[1] < 3))
+    top, base = body.surface("top"), body.surface("bottom")
+    for moved in (body, top, base):
+        moved.x[:, 1] += shift
+    run = Simulation(grid, body, Newmark(dt), [Fixed(grid.facets("left", "right"), "x"), Viscous(base, SOIL),
+                                               Traction(top, lambda t: (0.0, -load(t)))], mapping)
+    energy, stress = run.record(Energy()), run.record(Probe("stress", (0.5, 1.5 + shift)))
+    run.until(0.16)
+    column = exact.Column(3.0, SOIL.p_speed, SOIL.density, load, 0.2, fixed=False)
+    error = exact.relative_error(-stress.values[:, 1], column.pressure(1.5, stress.times))
+    return energy["absorbed"][-1] / energy["work"][-1], error, stress.values
+
+
+@pytest.mark.parametrize("mapping", [DM_GC, GIMP], ids=str)
+def test_a_boundary_moved_by_whole_cells_is_the_same_boundary(mapping):
+    still, moved = (strip_of_soil(mapping, shift) for shift in (0.0, 0.75))
+    assert abs(still[0] - moved[0]) < 1e-9
+    assert np.abs(still[2] - moved[2]).max() < 1e-9 * 300.0
+
+
+@pytest.mark.parametrize("mapping", [DM_GC, GIMP], ids=str)
+@pytest.mark.parametrize("cells", [0.37, 2.6])
+def test_a_boundary_inside_cells_absorbs_within_the_error_of_the_grid(mapping, cells):
+    (coarse, error, _), (fine, finer, _) = (strip_of_soil(mapping, cells * h, h, 4e-3 * h) for h in (0.25, 0.125))
+    assert abs(coarse - 1) < 0.01 and abs(fine - 1) < 0.5 * abs(coarse - 1)
+    assert error < 0.02 and finer < 0.6 * error
+
+
+@pytest.mark.parametrize("mapping", [DM_GC, GIMP], ids=str)
+def test_carried_tractions_move_with_their_surface(mapping):
+    """Shifted by whole cells, points and surfaces together, nothing moves either."""
+    column = Column(mapping)
+    surfaces = column.surfaces(walls=True)
+    carried = column.static.reactions(*surfaces)
+    for moved in (column.points, *surfaces):
+        moved.x += np.array([0.25, -0.25])
+    run = column.release(surfaces, carried + [Viscous(s, SOIL) for s in surfaces])
+    run.until(0.1)
+    assert np.abs(column.points.velocity).max() < 1e-9 * column.speed
