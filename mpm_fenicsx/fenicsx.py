@@ -93,12 +93,22 @@ def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callab
 
 
 def compile_form(form):
-    """A compiled form, or None for the empty sum of terms."""
+    """A compiled form, None for the empty sum of terms, or a list to be added up where a one-point rule is among it.
+
+    One-point rules go into a kernel of their own: beside them FFCx (0.5 to 0.11) gives the other rules of a kernel
+    the coefficients of that point (what is the same at all points of a rule is kept once for all rules).
+    """
     if form is None or (isinstance(form, (int, float)) and form == 0) or form.empty():
         return None
     options = {"jit_options" if _recent else "jit_params": _JIT}
     with _quiet():
-        return fem.form(form, **options)
+        one = [part for part in form.integrals() if part.metadata().get("quadrature_degree", 2) < 2]
+        rest = [part for part in form.integrals() if part not in one]
+        return fem.form([ufl.Form(rest), ufl.Form(one)] if one and rest else form, **options)
+
+
+def _parts(form) -> list:
+    return form if isinstance(form, list) else [form]
 
 
 def gather(f: fem.Function) -> None:
@@ -122,14 +132,22 @@ def share(f: fem.Function) -> None:
 
 def create_matrix(form):
     """PETSc matrix with the sparsity of ``form``."""
-    return fem.petsc.create_matrix(form)
+    return fem.petsc.create_matrix(_parts(form)[0])
 
 
 def assemble_matrix(A, form, bcs) -> None:
     """Add the form to A, rows and columns of ``bcs`` left empty but for a unit diagonal."""
-    fem.petsc.assemble_matrix(A, form, bcs=bcs)
+    for part in _parts(form):
+        fem.petsc.assemble_matrix(A, part, bcs=bcs)
+        A.assemble()
 
 
 def assemble_vector(b: fem.Function, form) -> None:
     """Add the form to the local and ghost values of b."""
-    fem.assemble_vector(b.x.array, form)
+    for part in _parts(form):
+        fem.assemble_vector(b.x.array, part)
+
+
+def assemble_scalar(form) -> float:
+    """Value of the form on this rank."""
+    return sum(fem.assemble_scalar(part) for part in _parts(form))

@@ -9,7 +9,7 @@ import numpy as np
 from dolfinx import fem
 from ufl import inner
 
-from . import fenicsx, forms, kernels, tensors
+from . import fenicsx, kernels, tensors
 from .equilibrium import Equilibrium
 from .gauss import GaussPoints
 from .grid import Grid
@@ -17,7 +17,7 @@ from .motion import Motion
 from .newton import Newton, SolverError
 from .run import Run
 from .scene import Scene
-from .terms import elasticity, inertia
+from .terms import elastic_work, elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
 from .yielding import YieldingElements
 
@@ -26,32 +26,30 @@ class FiniteElements(Run):
     """Small-strain finite element run on the whole grid, bilinear (trilinear) elements.
 
     The tangent does not change, so it is assembled and factored once; ``reassemble`` does it every step, as a
-    material point run must, for a fair clock.  ``solver``: PETSc options.  ``start``: the run
-    whose state this one goes on from, at time 0 again; a quasi-static one is at rest.
+    material point run must, for a fair clock.  ``solver``: PETSc options.  ``b_bar``: volume changes by the cell's
+    mean, which cures locking where ν comes near ½ or flow keeps the volume.
     """
 
     bodies = ()  # no material points
 
     def __init__(self, grid: Grid, material, stepping: Newmark | QuasiStatic, terms: Sequence,
                  reassemble: bool = False, newton: Newton | None = None,
-                 solver: Mapping[str, object] | None = None, start: FiniteElements | None = None):
+                 solver: Mapping[str, object] | None = None, b_bar: bool = False):
         super().__init__("FE", grid, stepping)
-        self.material, self.reassemble = material, reassemble
+        self.material, self.reassemble, self.b_bar = material, reassemble, b_bar
         motion = self.motion = Motion(grid, stepping)
         self.displacement = fem.Function(grid.space, name="displacement")
         density, λ, μ = (fem.Constant(grid.mesh, np.array(v)) for v in (material.density, *material.lame))
         self._lame = λ, μ
         scene = self.scene = Scene(grid, motion, density, grid.dx(metadata={"quadrature_degree": 3}))
-        internal = [elasticity(scene, λ, μ, self.displacement)] + ([inertia(scene)] if stepping.dynamic else [])
+        internal = [elasticity(scene, λ, μ, self.displacement, b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
         self.contributions = internal + [term.bind(scene) for term in terms]
         if not reassemble:
             direct = "mumps" if grid.comm.size > 1 else "petsc"
             solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": direct,
                       **(solver or {})}
-        self.yielding = YieldingElements(motion, GaussPoints(grid), material) if material.history else None
+        self.yielding = YieldingElements(motion, GaussPoints(grid, b_bar), material) if material.history else None
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
-        if start is not None:
-            self._go_on_from(start)
 
     def step(self) -> None:
         """One step of length ``stepping.dt``.  Raises ``RunError`` naming step and time."""
@@ -86,22 +84,6 @@ class FiniteElements(Run):
             self.yielding.carry()
         self.scene.carry()
         self.collect()
-
-    def balance(self) -> tuple[np.ndarray, float]:
-        """What supports bear at the present displacement and loads, and what is out of balance elsewhere."""
-        self.scene.prepare(self.time, self.time)
-        return self.equilibrium.support(None)
-
-    def _go_on_from(self, start: FiniteElements) -> None:
-        if start.grid is not self.grid or start.material != self.material:
-            raise ValueError("start must be a finite element run on the same grid, of the same material")
-        fields = [(self.displacement, start.displacement)]
-        if self.stepping.dynamic and start.stepping.dynamic:
-            fields += [(self.motion.v, start.motion.v), (self.motion.a, start.motion.a)]
-        for f, before in fields:
-            f.x.array[:] = before.x.array
-        if self.yielding is not None:
-            self.yielding.take(start.yielding)
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 
@@ -140,16 +122,15 @@ class FiniteElements(Run):
 
     @cached_property
     def _energies(self) -> dict[str, object]:
-        motion, scene = self.motion, self.scene
-        ε = forms.strain(self.displacement)
-        found = {"strain": 0.5 * inner(forms.hooke(*self._lame, ε), ε) * scene.dx} if self.yielding is None else {}
+        motion, scene, u = self.motion, self.scene, self.displacement
+        found = {"strain": 0.5 * elastic_work(scene, *self._lame, u, u, self.b_bar)} if self.yielding is None else {}
         if self.stepping.dynamic:
             found["kinetic"] = 0.5 * inner(scene.density * motion.v, motion.v) * scene.dx
         return {name: fenicsx.compile_form(form) for name, form in found.items()}
 
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy and plastic work (J) of this rank's cells."""
-        found = {name: fem.assemble_scalar(form) for name, form in self._energies.items()}
+        found = {name: fenicsx.assemble_scalar(form) for name, form in self._energies.items()}
         if self.yielding is not None:
             found.update(self.yielding.energy(self.grid.owned_cells))
         return found

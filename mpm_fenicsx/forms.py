@@ -6,7 +6,7 @@ A field projected from material points and a constant of a finite element run ar
 from __future__ import annotations
 
 import numpy as np
-from ufl import Identity, as_matrix, as_vector, grad, inner, outer, sym, tr
+from ufl import Identity, as_matrix, as_vector, div, grad, inner, outer, sym, tr
 
 from .tensors import SHEAR
 
@@ -19,6 +19,17 @@ def strain(u):
 def hooke(λ, μ, ε):
     """Isotropic elastic stress."""
     return λ * tr(ε) * Identity(ε.ufl_shape[0]) + 2 * μ * ε
+
+
+def distortion_work(μ, u, w):
+    """Virtual work of the deviatoric elastic stress, that of 3D in plane strain too."""
+    ε = strain(u)
+    return inner(2 * μ * (ε - tr(ε) / 3 * Identity(ε.ufl_shape[0])), strain(w))
+
+
+def dilation_work(λ, μ, u, w):
+    """Virtual work of the mean elastic stress."""
+    return (λ + 2 * μ / 3) * div(u) * div(w)
 
 
 def row(ε):

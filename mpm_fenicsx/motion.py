@@ -22,6 +22,7 @@ class Motion:
         self.grid, self.stepping = grid, stepping
         self.u = fem.Function(grid.space, name="displacement")
         self.w = ufl.TestFunction(grid.space)
+        self.moved: list[tuple[np.ndarray, np.ndarray]] = []  # dofs whose displacement in the step is given, and it
         if stepping.dynamic:
             self.v = fem.Function(grid.space, name="velocity")
             self.a = fem.Function(grid.space, name="acceleration")
@@ -51,8 +52,10 @@ class Motion:
         return c[0] * u + c[1] * v + c[2] * a, d[0] * u + d[1] * v + d[2] * a
 
     def clear(self) -> None:
-        """Start a step: no displacement yet."""
+        """Start a step: no displacement yet but the given one."""
         self.u.x.array[:] = 0.0
+        for dofs, by in self.moved:
+            self.u.x.array[dofs] = by
 
     def share(self) -> None:
         """Give the increment to the ghosts."""

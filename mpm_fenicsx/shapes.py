@@ -52,8 +52,31 @@ class Stencil:
         kernels.interpolate(self.nodes, self.values, nodal, out)
         return out
 
+    def mean_of_cells(self, values: np.ndarray) -> np.ndarray:
+        """Means (n,) over the support domains of one value a cell (cells,)."""
+        out = np.empty(len(self.nodes))
+        _mean_of_cells(self.side, self.share, self.cell, self.grid.lattice.neighbour, values, out)
+        return out
+
     def gradient_at_points(self, nodal: np.ndarray) -> np.ndarray:
         """Gradients (n, dim, dim) at the points of nodal vectors (nodes, dim)."""
         out = np.empty((len(self.nodes), self.grid.dim, self.grid.dim))
         kernels.interpolate_gradient(self.nodes, self.gradients, nodal, out)
         return out
+
+
+@kernels.jit
+def _mean_of_cells(side, share, cell, neighbour, values, out):
+    """out_p = Σ_c (share of p's support domain in c) q_c; see ``kernels.spans``."""
+    n, dim = side.shape
+    for p in range(n):
+        out[p] = 0.0
+        for corner in range(2**dim):
+            c, weight = cell[p], 1.0
+            for d in range(dim):
+                s = (corner >> d) & 1
+                weight *= share[p, d, s]
+                if s == 1 and weight > 0.0:
+                    c = neighbour[c, d, (side[p, d] + 1) // 2]
+            if weight > 0.0:
+                out[p] += weight * values[c]

@@ -35,16 +35,20 @@ class Simulation(Run):
     ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take velocities from the grid;
     ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass in the deposit of velocities (see
     ``Deposit``), 0 for division by the lumped mass alone, as in the paper; ``solver``: PETSc options.
-    ``newton``: when to stop where a body can yield.
+    ``newton``: when to stop where a body can yield.  ``b_bar``: volume changes by the mean of cells, on the grid and
+    at the points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings only).
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
     def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
                  terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
-                 sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None):
+                 sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
+                 b_bar: bool = False):
         self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
         if not self.bodies:
             raise ValueError("points: there is no body")
+        if b_bar and mapping.integrate is not DOUBLE_MAPPED:
+            raise ValueError(f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the points")
         super().__init__(mapping.name, grid, stepping)
         self.mapping, self.transfer = mapping, transfer
         motion = self.motion = Motion(grid, stepping)
@@ -55,8 +59,9 @@ class Simulation(Run):
         density, λ, μ = self.projection.fields
         dx = grid.dx(metadata={"quadrature_degree": mapping.integrate.quadrature})
         scene = self.scene = Scene(grid, motion, density, dx)
-        internal = [elasticity(scene, λ, μ)] + ([inertia(scene)] if stepping.dynamic else [])
+        internal = [elasticity(scene, λ, μ, b_bar=b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
         self.contributions = internal + [term.bind(scene) for term in terms]
+        self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
         self._internal = np.zeros((grid.nodes, grid.dim))
@@ -127,7 +132,11 @@ class Simulation(Run):
 
     def solve(self) -> None:
         """Internal force at the points, tangent of the fields, one linear solve."""
-        self.equilibrium.solve(self._internal_force())
+        self._internal[:] = 0.0
+        for body, stencil in zip(self.bodies, self.stencils, strict=True):
+            stress = tensors.matrix(body.stress, self.grid.dim)
+            stencil.deposit_divergence(body.volume[:, None, None] * stress, self._internal)
+        self.equilibrium.solve(self._internal.ravel())
 
     def carry(self) -> None:
         """Points take position, velocity, stress and the stretch of their support domains from the grid."""
@@ -139,8 +148,10 @@ class Simulation(Run):
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             smooth = stencil.gradient_at_points(u)
             gradient = self.composite.gradient_at_points(body.x, cell, u) if self.composite else smooth
-            state = body.stress, body.history, body.size
-            body.stress, body.history = body.material.respond(tensors.strain(gradient), *state)
+            strain, state = tensors.strain(gradient), (body.stress, body.history, body.size)
+            if self.gauss is not None:
+                strain = tensors.dilate(strain, stencil.mean_of_cells(self.gauss.mean_divergence(u)))
+            body.stress, body.history = body.material.respond(strain, *state)
             if self.stepping.dynamic:
                 self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping.dt)
             try:
@@ -150,20 +161,6 @@ class Simulation(Run):
         self._stop_together(message)
         self.scene.carry()
         self.collect()
-
-    def balance(self) -> tuple[np.ndarray, float]:
-        """What supports bear with the points and loads as they are, and what is out of balance elsewhere."""
-        self.locate()
-        self.project()
-        self.scene.prepare(self.time, self.time)
-        return self.equilibrium.support(self._internal_force())
-
-    def _internal_force(self) -> np.ndarray:
-        self._internal[:] = 0.0
-        for body, stencil in zip(self.bodies, self.stencils, strict=True):
-            stress = tensors.matrix(body.stress, self.grid.dim)
-            stencil.deposit_divergence(body.volume[:, None, None] * stress, self._internal)
-        return self._internal.ravel()
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 
@@ -199,7 +196,8 @@ class Simulation(Run):
         if not any(body.material.history for body in self.bodies):
             return None
         if self.mapping.integrate is DOUBLE_MAPPED:
-            return YieldingPoints(self.motion, GaussPoints(self.grid), self.bodies, self.stencils)
+            gauss = GaussPoints(self.grid) if self.gauss is None else self.gauss
+            return YieldingPoints(self.motion, gauss, self.bodies, self.stencils)
         return YieldingAtPoints(self.motion, self.bodies, self.stencils, self._recover)
 
     def _recover(self, number: int, u: np.ndarray) -> np.ndarray:

@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from dolfinx import fem
 from ufl import inner
 
 from . import forms
-from .checks import one_of, positive
+from .checks import finite, one_of, positive
 from .grid import GridSurface
-from .loads import as_load
 from .points import SurfacePoints
-from .scene import Contribution, Scene
+from .scene import Contribution, Scene, as_load
 
 Surface = GridSurface | SurfacePoints
 
@@ -26,23 +24,38 @@ def inertia(scene: Scene) -> Contribution:
     return Contribution(forms.inertia(scene.density, motion.acceleration, motion.w) * scene.dx)
 
 
-def elasticity(scene: Scene, λ, μ, before=None) -> Contribution:
+def elastic_work(scene: Scene, λ, μ, u, w, b_bar: bool = False):
+    """Virtual work of the elastic stress of u.
+
+    With ``b_bar`` volume changes cell by cell: its work is taken with one point a cell, where the divergence is the
+    cell's mean on rectilinear grids (B-bar; Hughes 1980), and near it on others (selective reduced integration).
+    """
+    if not b_bar:
+        return forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), w) * scene.dx
+    centre = scene.grid.dx(metadata={"quadrature_degree": 1})
+    return forms.distortion_work(μ, u, w) * scene.dx + forms.dilation_work(λ, μ, u, w) * centre
+
+
+def elasticity(scene: Scene, λ, μ, before=None, b_bar: bool = False) -> Contribution:
     """Virtual work of the stress of the increment u, on top of the displacement ``before`` if that is given."""
     motion = scene.motion
     u = motion.u if before is None else before + motion.u
-    work = forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), motion.w) * scene.dx
+    work = elastic_work(scene, λ, μ, u, motion.w, b_bar)
     return Contribution(work, force=work)
 
 
 @dataclass(frozen=True)
 class Fixed:
-    """No displacement of ``components`` ("x", "xy", …; all by default) on facets of the grid.
+    """No displacement of ``components`` ("x", "xy", …; all by default) on facets of the grid, or ``value`` of t (m).
 
+    The nodes of a material point run's grid move by what ``value`` changes in the step and are then where they were,
+    so that there it serves small settlements.  The work of what is moved is not among the recorder Energy's.
     Raises ``ValueError`` for surface points (they have no nodes of their own) or a component that is not there.
     """
 
     on: GridSurface
     components: str | None = None
+    value: Callable[[float], float] | None = None
 
     def bind(self, scene: Scene) -> Contribution:
         """Add Dirichlet conditions to the scene."""
@@ -52,33 +65,37 @@ class Fixed:
         if self.on.grid is not grid:
             raise ValueError(f"on: the facets {self.on.names} belong to another grid")
         axes = "xyz"[: grid.dim]
+        moved = np.zeros(1)
+        if self.value is not None:
+            self._at(0.0)
+            scene.before.append(lambda start, end: np.copyto(moved, self._at(end) - self._at(start)))
         for c in self.components or axes:
             V = grid.space.sub(axes.index(one_of("components", c, axes)))
             dofs = fem.locate_dofs_topological(V, grid.dim - 1, self.on.facets)
             scene.fixed.append(fem.dirichletbc(np.array(0.0), dofs, V))
+            if self.value is not None:
+                scene.motion.moved.append((dofs, moved))
         return Contribution()
+
+    def _at(self, t: float) -> float:
+        return finite("value of Fixed", self.value(t))
 
 
 @dataclass(frozen=True)
 class Traction:
-    """Traction (Pa) on a surface: ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim).
-
-    A load that stays as it is may be given point by point: an array (n, dim) for surface points, which moves with
-    them, or a vector field on the mesh for facets.
-    """
+    """Traction (Pa) on a surface: ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim)."""
 
     on: Surface
-    value: Callable | tuple[float, ...] | np.ndarray | fem.Function
+    value: Callable | tuple[float, ...]
 
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work -∫ t·w, and the work done."""
+        function, placed = as_load("value of Traction", self.value, scene.grid.dim)
         patch, motion = scene.patch(self.on), scene.motion
-        held = patch.held(self.value)
-        load = partial(patch.load, *as_load("value of Traction", self.value, scene.grid.dim)) if held is None else \
-            lambda mean=False: held
-        work = -forms.load(load(), motion.w) * patch.measure
+        t = patch.load(function, placed)
+        work = -forms.load(t, motion.w) * patch.measure
         return Contribution(work, lambda: {
-            "work": forms.load(load(mean=True), motion.u) * patch.measure}, work)
+            "work": forms.load(patch.load(function, placed, mean=True), motion.u) * patch.measure}, work)
 
 
 @dataclass(frozen=True)
