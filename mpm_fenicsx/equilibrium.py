@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 from mpi4py import MPI
 
@@ -38,8 +39,7 @@ class Equilibrium:
         tangent = ufl.derivative(residual, motion.u, ufl.TrialFunction(V))
         if yielding is not None:
             residual, tangent = residual + yielding.work, tangent + yielding.stiffness
-            inner, *loads = (c.force for c in contributions if c.force)
-            self._forces = [fenicsx.compile_form(form) for form in (inner + yielding.work, *loads)]
+        self._parts = [c.force for c in contributions if c.force]
         self._residual, self._tangent = fenicsx.compile_form(residual), fenicsx.compile_form(tangent)
         self.matrix = fenicsx.create_matrix(self._tangent)
         self.force, self.increment = fem.Function(V, name="residual"), fem.Function(V, name="increment")
@@ -47,10 +47,10 @@ class Equilibrium:
         size = (self._owned, V.dofmap.index_map.size_global * V.dofmap.index_map_bs)
         self._b, self._x = (PETSc.Vec().createWithArray(f.x.array[: self._owned], size=size, comm=motion.grid.comm)
                             for f in (self.force, self.increment))
-        self._fixed = np.zeros(len(self.force.x.array), dtype=bool)
+        self.fixed = np.zeros(len(self.force.x.array), dtype=bool)
         for bc in fixed:
             dofs, _ = bc.dof_indices()
-            self._fixed[dofs] = True
+            self.fixed[dofs] = True
         self._diagonal = self.matrix.createVecLeft()
         self.idle = np.zeros(self._owned, dtype=bool)
         self.ksp = _solver(self.matrix, motion, options)
@@ -65,7 +65,7 @@ class Equilibrium:
         A.assemble()
         A.getDiagonal(self._diagonal)
         d = self._diagonal.array
-        free = ~self._fixed[: self._owned]
+        free = ~self.fixed[: self._owned]
         largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
         self.idle = d <= IDLE * largest
         if largest > 0.0:
@@ -97,8 +97,7 @@ class Equilibrium:
         self.assemble_tangent()
         self._bent = True
 
-    def refresh(self, internal: np.ndarray | None) -> float:
-        """Assemble the residual at the motion's u; its norm over free dofs (N)."""
+    def _assemble(self, internal: np.ndarray | None) -> np.ndarray:
         r = self.force.x.array
         r[:] = 0.0 if internal is None else internal
         if self.yielding is not None:
@@ -106,8 +105,13 @@ class Equilibrium:
         if self._residual is not None:
             fenicsx.assemble_vector(self.force, self._residual)
         fenicsx.gather_to_owner(self.force)
+        return r
+
+    def refresh(self, internal: np.ndarray | None) -> float:
+        """Assemble the residual at the motion's u; its norm over free dofs (N)."""
+        r = self._assemble(internal)
         np.negative(r, out=r)
-        r[self._fixed] = 0.0
+        r[self.fixed] = 0.0
         r[: self._owned][self.idle] = 0.0
         return self._norm() if self.yielding is not None else 0.0
 
@@ -126,6 +130,25 @@ class Equilibrium:
         self._b.stateIncrease()  # else PETSc answers with the norm of what the array held before
         return self._b.norm()
 
+    def support(self, internal: np.ndarray | None) -> tuple[np.ndarray, float]:
+        """What supports bear as things stand, at u = 0 (dofs,), N, zero where nothing is fixed; and what is out of
+        balance at free dofs, relative to ``scale``."""
+        self.motion.u.x.array[:] = 0.0
+        if self.yielding is not None:
+            self.yielding.clear()
+        size = self.scale(internal)
+        r = self._assemble(internal)
+        borne = np.where(self.fixed, r, 0.0)
+        r[self.fixed] = 0.0
+        return borne, self._norm() / size if size > 0.0 else 0.0
+
+    @cached_property
+    def _forces(self) -> list:
+        body, *loads = self._parts
+        if self.yielding is not None:
+            body = body + self.yielding.work
+        return [fenicsx.compile_form(form) for form in (body, *loads)]
+
     def scale(self, internal: np.ndarray | None) -> float:
         """Size of the forces that are in equilibrium (N): loads and internal force, inertia left out."""
         total = 0.0
@@ -135,7 +158,8 @@ class Equilibrium:
             if form is self._forces[0]:
                 if internal is not None:
                     r[:] = internal
-                self.yielding.add_force(r)
+                if self.yielding is not None:
+                    self.yielding.add_force(r)
             fenicsx.assemble_vector(self.force, form)
             fenicsx.gather_to_owner(self.force)
             total += self._norm()

@@ -27,14 +27,16 @@ class FiniteElements(Run):
 
     The tangent does not change, so it is assembled and factored once; ``reassemble`` does it every step, as a
     material point run must, for a fair clock.  ``solver``: PETSc options.  ``b_bar``: volume changes by the cell's
-    mean, which cures locking where ν comes near ½ or flow keeps the volume.
+    mean, which cures locking where ν comes near ½ or flow keeps the volume.  ``start``: the run whose state this one
+    goes on from, at time 0 again; a quasi-static one is at rest.
     """
 
     bodies = ()  # no material points
 
     def __init__(self, grid: Grid, material, stepping: Newmark | QuasiStatic, terms: Sequence,
                  reassemble: bool = False, newton: Newton | None = None,
-                 solver: Mapping[str, object] | None = None, b_bar: bool = False):
+                 solver: Mapping[str, object] | None = None, b_bar: bool = False,
+                 start: FiniteElements | None = None):
         super().__init__("FE", grid, stepping)
         self.material, self.reassemble, self.b_bar = material, reassemble, b_bar
         motion = self.motion = Motion(grid, stepping)
@@ -50,6 +52,8 @@ class FiniteElements(Run):
                       **(solver or {})}
         self.yielding = YieldingElements(motion, GaussPoints(grid, b_bar), material) if material.history else None
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
+        if start is not None:
+            self._go_on_from(start)
 
     def step(self) -> None:
         """One step of length ``stepping.dt``.  Raises ``RunError`` naming step and time."""
@@ -84,6 +88,22 @@ class FiniteElements(Run):
             self.yielding.carry()
         self.scene.carry()
         self.collect()
+
+    def balance(self) -> tuple[np.ndarray, float]:
+        """What supports bear at the present displacement and loads, and what is out of balance elsewhere."""
+        self.scene.prepare(self.time, self.time)
+        return self.equilibrium.support(None)
+
+    def _go_on_from(self, start: FiniteElements) -> None:
+        if start.grid is not self.grid or start.material != self.material:
+            raise ValueError("start must be a finite element run on the same grid, of the same material")
+        fields = [(self.displacement, start.displacement)]
+        if self.stepping.dynamic and start.stepping.dynamic:
+            fields += [(self.motion.v, start.motion.v), (self.motion.a, start.motion.a)]
+        for f, before in fields:
+            f.x.array[:] = before.x.array
+        if self.yielding is not None:
+            self.yielding.take(start.yielding)
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 

@@ -132,11 +132,7 @@ class Simulation(Run):
 
     def solve(self) -> None:
         """Internal force at the points, tangent of the fields, one linear solve."""
-        self._internal[:] = 0.0
-        for body, stencil in zip(self.bodies, self.stencils, strict=True):
-            stress = tensors.matrix(body.stress, self.grid.dim)
-            stencil.deposit_divergence(body.volume[:, None, None] * stress, self._internal)
-        self.equilibrium.solve(self._internal.ravel())
+        self.equilibrium.solve(self._internal_force())
 
     def carry(self) -> None:
         """Points take position, velocity, stress and the stretch of their support domains from the grid."""
@@ -161,6 +157,20 @@ class Simulation(Run):
         self._stop_together(message)
         self.scene.carry()
         self.collect()
+
+    def balance(self) -> tuple[np.ndarray, float]:
+        """What supports bear with the points and loads as they are, and what is out of balance elsewhere."""
+        self.locate()
+        self.project()
+        self.scene.prepare(self.time, self.time)
+        return self.equilibrium.support(self._internal_force())
+
+    def _internal_force(self) -> np.ndarray:
+        self._internal[:] = 0.0
+        for body, stencil in zip(self.bodies, self.stencils, strict=True):
+            stress = tensors.matrix(body.stress, self.grid.dim)
+            stencil.deposit_divergence(body.volume[:, None, None] * stress, self._internal)
+        return self._internal.ravel()
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from dolfinx import fem
@@ -12,8 +13,9 @@ from ufl import inner
 from . import forms
 from .checks import finite, one_of, positive
 from .grid import GridSurface
+from .loads import as_load
 from .points import SurfacePoints
-from .scene import Contribution, Scene, as_load
+from .scene import Contribution, Scene
 
 Surface = GridSurface | SurfacePoints
 
@@ -83,19 +85,24 @@ class Fixed:
 
 @dataclass(frozen=True)
 class Traction:
-    """Traction (Pa) on a surface: ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim)."""
+    """Traction (Pa) on a surface: ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim).
+
+    A load that stays as it is may be given point by point: an array (n, dim) for surface points, which moves with
+    them, or a vector field on the mesh for facets.
+    """
 
     on: Surface
-    value: Callable | tuple[float, ...]
+    value: Callable | tuple[float, ...] | np.ndarray | fem.Function
 
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work -∫ t·w, and the work done."""
-        function, placed = as_load("value of Traction", self.value, scene.grid.dim)
         patch, motion = scene.patch(self.on), scene.motion
-        t = patch.load(function, placed)
-        work = -forms.load(t, motion.w) * patch.measure
+        held = patch.held(self.value)
+        load = partial(patch.load, *as_load("value of Traction", self.value, scene.grid.dim)) if held is None else \
+            lambda mean=False: held
+        work = -forms.load(load(), motion.w) * patch.measure
         return Contribution(work, lambda: {
-            "work": forms.load(patch.load(function, placed, mean=True), motion.u) * patch.measure}, work)
+            "work": forms.load(load(mean=True), motion.u) * patch.measure}, work)
 
 
 @dataclass(frozen=True)
