@@ -110,9 +110,9 @@ def measure(run, base, load, until=None, progress=None):
     if row["unstable_at_step"] is None:
         for name, (computed, known) in pairs.items():
             row[f"error_{name}"] = exact.relative_error(computed, known)
-        row["max_pressure_mid_kpa"] = pairs["pressure_mid"][0].max() / 1e3
-        row["max_pressure_base_kpa"] = pairs["pressure_base"][0].max() / 1e3
-        row["max_displacement_mid_m"] = pairs["displacement_mid"][0].max()
+        row["max_pressure_mid_kpa"] = float(pairs["pressure_mid"][0].max() / 1e3)
+        row["max_pressure_base_kpa"] = float(pairs["pressure_base"][0].max() / 1e3)
+        row["max_displacement_mid_m"] = float(pairs["displacement_mid"][0].max())
         late = min(round(1.2 / run.stepping.dt), len(t) - 1)
         row["energy_left"] = float((energy.left / energy["work"][late])[late])
     return row, (t, pairs["pressure_mid"][0], pairs["displacement_mid"][0])
