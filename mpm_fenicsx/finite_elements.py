@@ -95,8 +95,8 @@ class FiniteElements(Run):
         return self.equilibrium.support(None)
 
     def _go_on_from(self, start: FiniteElements) -> None:
-        if start.grid is not self.grid or start.material != self.material:
-            raise ValueError("start must be a finite element run on the same grid, of the same material")
+        if (start.grid, start.material, start.b_bar) != (self.grid, self.material, self.b_bar):
+            raise ValueError("start must be a finite element run on the same grid, of the same material, b_bar alike")
         fields = [(self.displacement, start.displacement)]
         if self.stepping.dynamic and start.stepping.dynamic:
             fields += [(self.motion.v, start.motion.v), (self.motion.a, start.motion.a)]
