@@ -177,7 +177,7 @@ def test_the_balance_of_elastic_finite_elements_closes_to_rounding(dim):
 
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
 def test_the_balance_of_points_closes_to_a_share_at_small_strain(mapping):
-    """The points' kinetic energy is not that of the consistent mass: on a smooth motion the difference is small."""
+    """What the points hold is not what the grid held, nor is a recovered strain the grid's: it goes with the grid."""
     soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
     lost = []
     for cells in (8, 16):
@@ -189,8 +189,8 @@ def test_the_balance_of_points_closes_to_a_share_at_small_strain(mapping):
         run.until(0.06)
         assert energy["absorbed"][-1] > 0.05 * energy["work"][-1]
         lost.append(np.abs(energy.lost).max() / energy["work"].max())
-    assert lost[1] < lost[0] < 1e-2
-    assert lost[1] < 3e-3
+    assert lost[1] < 0.5 * lost[0]
+    assert lost[1] < 1e-3
 
 
 @pytest.mark.parametrize("kind", [None, GIMP, DM_GC], ids=["FE", "GIMP", "DM-GC"])
@@ -204,8 +204,8 @@ def test_statics_balances_work_and_strain(kind):
     run.until(1.0)
     assert energy["work"][-1] > 0.0
     assert (energy["kinetic"] == 0.0).all()
-    # the points' strain energy is that of their strain, the element's that of its Gauss points
-    tolerance = 1e-10 if kind is None else 0.05
+    # nine cells: strain at the points holds 99.5 % of what the grid's would with GIMP, 97 % from composite patches
+    tolerance = 1e-10 if kind is None else {"GIMP": 0.01, "DM-GC": 0.05}[str(kind)]
     assert np.abs(energy.lost).max() < tolerance * energy["work"][-1]
 
 
