@@ -1,0 +1,79 @@
+"""The two figures of ``foundation.py``, from plain arrays."""
+
+from __future__ import annotations
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import LogNorm
+
+COLOURS = {"fixed": "#0072B2", "viscous": "#E69F00", "viscoelastic": "#009E73"}
+
+
+def histories(curves, pressure, plateau, apart, depths, title, path):
+    """Load, vertical stress at one point and deviatoric stress q at another, over time.
+
+    ``curves``: (time, vertical stress, q) by method and boundary; ``pressure``: time and load; ``apart``: when fixed
+    leaves viscous, or None; ``depths`` of the points.
+    """
+    fig, axes = plt.subplots(3, 1, figsize=(8.5, 8.5), sharex=True, layout="constrained",
+                             gridspec_kw={"height_ratios": (0.45, 1, 1)})
+    above, middle, below = axes
+    t, p = pressure
+    above.fill_between(t, p / 1e3, color="0.85")
+    above.plot(t, p / 1e3, color="0.3", lw=1)
+    for (method, boundary), (time, vertical, q) in curves.items():
+        style = {"lw": 0.9, "ls": (0, (5, 2))} if method == "FE" else {"lw": 3.0, "alpha": 0.5}
+        for ax, curve in ((middle, vertical), (below, q)):
+            ax.plot(time, curve / 1e3, color=COLOURS[boundary], label=f"{boundary}, {method}", **style)
+    below.axhline(plateau / 1e3, color="0.25", lw=0.9, ls=":")
+    below.annotate(f"first yield, {plateau / 1e3:.1f} kPa", (0.01, plateau / 1e3), (0, -11),
+                   textcoords="offset points", fontsize=8, color="0.25")
+    if apart is not None:
+        below.axvline(apart, color="#CC79A7", lw=1)
+        below.annotate(f"fixed leaves viscous by 2 %\nof its largest q: {apart:g} s", (apart, 0.4), (5, 0),
+                       textcoords="offset points", fontsize=8, color="#9A4A7A")
+    above.set(ylabel="pressure (kPa)", title="on the strip (assumed)", ylim=(0, None))
+    middle.set(ylabel="vertical stress (kPa)", title=f"point 1: on the axis, {depths[0]:.2f} m deep (assumed)")
+    below.set(ylabel="deviatoric stress q (kPa)", title=f"point 2: on the axis, {depths[1]:.2f} m deep (assumed)",
+              xlabel="time (s)", ylim=(0, None))
+    for ax in axes:
+        ax.grid(alpha=0.3)
+        ax.set_xlim(0, t[-1])
+        ax.title.set_fontsize(10)
+    handles, labels = middle.get_legend_handles_labels()
+    order = sorted(range(len(labels)), key=lambda i: "FE" in labels[i])  # columns are filled first
+    order = np.array(order).reshape(-1, len(COLOURS)).T.ravel() if len(order) % len(COLOURS) == 0 else order
+    fig.legend([handles[i] for i in order], [labels[i] for i in order], fontsize=9, ncol=3, loc="outside lower center")
+    fig.suptitle(title, fontsize=11)
+    fig.savefig(path, dpi=150)
+    plt.close(fig)
+
+
+def maps(found, boundaries, body, strip, title, path):
+    """Plastic strain: a column of maps a boundary, a row a method.
+
+    ``found``: lower corners (n, 2), sizes (n, 2) and plastic strain (n,) of boxes by method and boundary; ``body``:
+    its width and height; ``strip``: its ends.
+    """
+    methods = list(dict.fromkeys(method for method, _ in found))
+    fig, axes = plt.subplots(len(methods), len(boundaries), figsize=(4 * len(boundaries), 2.9 * len(methods) + 0.8),
+                             sharex=True, sharey=True, squeeze=False, layout="constrained")
+    colours = plt.get_cmap("magma_r").with_extremes(under="0.86")
+    ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    for (method, boundary), (corner, size, strain) in found.items():
+        ax = axes[methods.index(method), boundaries.index(boundary)]
+        boxes = PolyCollection(corner[:, None] + size[:, None] * ring, array=np.maximum(strain, 1e-9), cmap=colours,
+                               norm=LogNorm(1e-3, 1.0), edgecolors="face", linewidths=0.2, rasterized=True)
+        shown = ax.add_collection(boxes)
+        ax.plot(strip, 2 * [body[1] + 0.15], color="#0072B2", lw=3, solid_capstyle="butt")
+        ax.set(title=f"{boundary}, {method}", aspect="equal", xlim=(-0.1, body[0] + 0.1), ylim=(-0.1, body[1] + 0.35))
+    for ax in axes[-1]:
+        ax.set_xlabel("x (m)")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y (m)")
+    fig.colorbar(shown, ax=axes, extend="both", label="plastic strain κ (-), grey: below 0.001", shrink=0.8)
+    fig.suptitle(f"{title}\nmaterial points where they are then, elements undeformed; blue: strip as it was",
+                 fontsize=11)
+    fig.savefig(path, dpi=150)
+    plt.close(fig)
