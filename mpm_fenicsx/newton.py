@@ -39,7 +39,7 @@ class Newton:
             return  # the step was linear, and is solved
         allowed = self.tolerance * equilibrium.scale(internal)
         norms = [equilibrium.refresh(internal)]
-        while norms[-1] > allowed:
+        while not norms[-1] <= allowed:  # nor if it is not a number
             if len(norms) >= self.iterations:
                 found = ", ".join(f"{norm / allowed * self.tolerance:.1e}" for norm in norms)
                 raise SolverError(f"Newton does not converge, relative residuals {found}; allowed {self.tolerance:.1e}")
@@ -47,7 +47,7 @@ class Newton:
             equilibrium.correct()
             law.evaluate()
             norm, share = equilibrium.refresh(internal), 1.0
-            while norm > (1.0 - 1e-4 * share) * norms[-1] and share > 0.5**self.halvings:
+            while not norm <= (1.0 - 1e-4 * share) * norms[-1] and share > 0.5**self.halvings:
                 share *= 0.5
                 u.array[:] -= share * increment.array
                 law.evaluate()
