@@ -111,7 +111,8 @@ class FiniteElements(Run):
         """Nodes and their values; for stress the cell centres, where it is most accurate."""
         grid, motion = self.grid, self.motion
         if field == "stress":
-            return 0.5 * (grid.lattice.lower + grid.lattice.upper)[: grid.owned_cells], self.stress
+            corners = grid.mesh.geometry.x[fenicsx.cell_vertices(grid.mesh)][: grid.owned_cells, :, : grid.dim]
+            return corners.mean(axis=1), self.stress
         if field != "displacement" and not self.stepping.dynamic:
             raise ValueError(f"field {field!r} is not part of this scene")
         known = {"displacement": self.displacement} if field == "displacement" else \

@@ -119,6 +119,23 @@ def test_probes_on_columns_and_flat_cells(cells):
         np.testing.assert_allclose(probe.values[1], 1.0 + 2 * np.array(at), rtol=1e-9)
 
 
+@pytest.mark.parametrize("law", [dense.SOIL, LAW], ids=["elastic", "von Mises"])
+@DIMS
+def test_stress_of_slanted_elements_has_a_place_too(dim, law):
+    grid = dense.uneven(dim)
+    grid.mesh.geometry.x[:, 0] += 0.3 * grid.mesh.geometry.x[:, 1] + 0.1 * grid.mesh.geometry.x[:, 2] ** 2
+    grid = Grid(grid.mesh)
+    run = FiniteElements(grid, law, QuasiStatic(1), [])
+    A = 1e-5 * np.random.default_rng(9).normal(size=(dim, dim))
+    probe = run.record(Probe("stress", (0.5,) * dim))
+    run.motion.u.x.array[:] = dense.at_nodes(grid, lambda x: x @ A.T)
+    run.carry()
+    probe(run)
+    elastic = law.elastic if law is LAW else law
+    exact = elastic.update(tensors.strain(A[None]), 0.0 * probe.values[:1])
+    np.testing.assert_allclose(probe.values[1:], exact, rtol=1e-9)
+
+
 def test_a_probe_follows_the_material():
     """A body in free flight takes its probe along, over several cells."""
     grid = Grid.box((0, 0), (4, 2), (8, 4))

@@ -47,7 +47,8 @@ def weights_by_hand(grid, body, support):
     lat, dim = grid.lattice, grid.dim
     digit = np.stack(np.meshgrid(*[np.arange(2)] * dim, indexing="ij"), -1).reshape(-1, dim)
     gauss = 0.5 + (digit - 0.5) / np.sqrt(3)
-    h_of = (lat.upper - lat.lower)[grid.find(body.x)]
+    cell = grid.find(body.x)
+    h_of = (lat.upper - lat.lower)[cell]
     half = np.minimum(body.half, h_of / 2)
     low, high = np.maximum(body.x - half, grid.lower_corner), np.minimum(body.x + half, grid.upper_corner)
     out = {}
@@ -59,16 +60,17 @@ def weights_by_hand(grid, body, support):
                 share = np.maximum(b - a, 0.0) / (high[p] - low[p])
                 ξ = (0.5 * (a + b) - lat.lower[c]) / h
             else:
-                share = np.full(dim, float(grid.find(body.x[p:p + 1])[0] == c))
+                share = np.full(dim, float(cell[p] == c))
                 ξ = (body.x[p] - lat.lower[c]) / h
+            if not share.prod() > 0.0:
+                continue
             for q, place in enumerate(gauss):
                 w = 0.0
                 for node in digit:
                     N = np.prod(np.where(node, place, 1 - place))
                     S = np.prod(share * np.where(node, ξ, 1 - ξ))
                     w += N * S * body.volume[p] / (h.prod() / 2**dim)
-                if share.prod() > 0.0:
-                    out[p, c, tuple(digit[q])] = w
+                out[p, c, tuple(digit[q])] = w
     return out
 
 
