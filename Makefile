@@ -19,7 +19,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 endif
 
 # The search for a Python takes a moment, so it is made only for goals that use the answer.
-ifneq ($(filter setup demo test validate bench lint,$(MAKECMDGOALS)),)
+ifneq ($(filter setup demo foundation test validate bench lint,$(MAKECMDGOALS)),)
 ifndef DOLFINX
 DOLFINX := $(shell PYTHON="$(PYTHON)" sh scripts/setup.sh mode)
 endif
@@ -41,7 +41,7 @@ PY = env PATH="$(dir $(SYSTEM_PYTHON)):$$PATH" PYTHONNOUSERSITE=1 \
 RUFF = ruff
 endif
 
-.PHONY: help setup demo test test-apt validate bench lint check-apt clean distclean
+.PHONY: help setup demo foundation test test-apt validate bench lint check-apt clean distclean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
@@ -54,6 +54,9 @@ setup: $(READY) ## build .venv, or check Debian's packages where there is no Pyt
 
 demo: $(READY) ## run demos/column.py
 	@$(PY) demos/column.py $(ARGS)
+
+foundation: $(READY) ## run demos/foundation.py (minutes; ARGS=--quick: less)
+	@$(PY) demos/foundation.py $(ARGS)
 
 test: $(READY) ## run the tests
 	@$(PY) -m pytest $(ARGS)
