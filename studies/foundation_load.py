@@ -1,0 +1,130 @@
+"""Which load and softening give the plastic strain of the paper's Figure 4?  (Foundation, cells of 0.125 m.)"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
+import foundation
+
+CELL = 0.125
+LOADS = (30e3, 35e3, 40e3)
+SOFTENINGS = (10e3, 50e3, 100e3, 200e3)
+BOUNDARIES = ("fixed", "viscous")
+VISIBLE = 1e-3  # plastic strain: what a picture of a band shows
+
+
+def by_cell(strain, x):
+    """Largest plastic strain in each cell of the undeformed body (ny, nx), rows from the base up, in 1e-4."""
+    nx, ny = round(foundation.width / CELL), round(foundation.height / CELL)
+    at = (x / CELL).astype(int)
+    out = np.zeros((ny, nx))
+    np.maximum.at(out, (at[:, 1], at[:, 0]), strain)
+    return np.rint(1e4 * out).astype(int)
+
+
+def features(strain):
+    """What Figure 4 is read by, from plastic strain (ny, nx); depths in B = 1 m, those of cells that show it.
+
+    ``under_strip``: largest in the middle half of the strip, down to a quarter of it; ``band_depth``: how deep the
+    bands reach; ``beside_depth``: how near the surface they come beyond B/2 from the strip's edges, or None.
+    """
+    ny, nx = strain.shape
+    x, depth = np.meshgrid((np.arange(nx) + 0.5) * CELL - foundation.axis, (ny - np.arange(ny) - 0.5) * CELL)
+    seen, beside = strain > VISIBLE, np.abs(x) > foundation.strip
+    under = (np.abs(x) < foundation.strip / 4) & (depth < foundation.strip / 4)
+    return {"under_strip": float(strain[under].max()), "largest": float(strain.max()),
+            "band_depth": float(depth[seen].max(initial=0.0) / foundation.strip),
+            "beside_depth": float(depth[seen & beside].min() / foundation.strip) if (seen & beside).any() else None}
+
+
+def run(load, softening, boundary, progress=None):
+    """One run: the demo's row with its features and its map."""
+    scene = foundation.material_points(boundary, load, softening, CELL)
+    start = scene.bodies[0].x.copy()
+    row, _, (_, _, strain) = foundation.measure(scene, boundary, load, softening, CELL, progress=progress)
+    cells = by_cell(strain, start)
+    return {**row, **features(1e-4 * cells), "map": cells.tolist()}
+
+
+def table(rows):
+    """The rows without their maps."""
+    shown = Table(box=None, padding=(0, 1, 0, 0), title=f"Plastic strain, cells of {CELL:g} m; depths in B")
+    for name in ("load\nkPa", "softening\nkPa", "", "under\nstrip", "largest", "bands\nto", "beside\nup to",
+                 "settles\nmm", "energy\nerror %"):
+        shown.add_column(name, justify="right", no_wrap=True)
+    for row in rows:
+        beside = "" if row["beside_depth"] is None else f"{row['beside_depth']:.2f}"
+        shown.add_row(f"{row['load_kpa']:g}", f"{row['softening_kpa']:g}", row["boundary"],
+                      f"{row['under_strip']:.2g}", f"{row['largest']:.2g}", f"{row['band_depth']:.1f}", beside,
+                      f"{1e3 * row['settlement_m']:.0f}", f"{100 * row['energy_error']:.2f}")
+    return shown
+
+
+def figure(rows, path):
+    """Maps: a row a load, pairs of columns a softening; plastic strain where the soil was at the start."""
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+    from matplotlib.colors import LogNorm
+
+    fig, axes = plt.subplots(2 * len(LOADS), len(SOFTENINGS), figsize=(3 * len(SOFTENINGS), 4.4 * len(LOADS)),
+                             sharex=True, sharey=True, layout="constrained")
+    colours = plt.get_cmap("magma_r").with_extremes(under="0.86")
+    for row in rows:
+        i = 2 * LOADS.index(1e3 * row["load_kpa"]) + BOUNDARIES.index(row["boundary"])
+        ax = axes[i, SOFTENINGS.index(1e3 * row["softening_kpa"])]
+        shown = ax.imshow(np.maximum(1e-4 * np.array(row["map"]), 1e-9), origin="lower", cmap=colours,
+                          norm=LogNorm(VISIBLE, 1.0), extent=(0, foundation.width, 0, foundation.height))
+        ax.set_title(f"{row['load_kpa']:g} kPa, softening {row['softening_kpa']:g} kPa, {row['boundary']}", fontsize=8)
+    for ax in axes[-1]:
+        ax.set_xlabel("x (m)")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y (m)")
+    fig.colorbar(shown, ax=axes, extend="both", label="plastic strain κ (-), grey: below 0.001", shrink=0.5)
+    fig.suptitle(f"Plastic strain at t = {foundation.end:g} s, on the undeformed body (DM-GC, h = {CELL:g} m)")
+    fig.savefig(path, dpi=110)
+    plt.close(fig)
+
+
+def main(arguments=None) -> list[dict]:
+    """Run what is not in results/foundation_load.json yet; write it, and results/foundation_load.png."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--results", type=Path, default=foundation.HOME / "results", help="folder for the results")
+    folder = parser.parse_args(arguments).results
+    folder.mkdir(parents=True, exist_ok=True)
+    path, console = folder / "foundation_load.json", Console()
+    known = {(row["load_kpa"], row["softening_kpa"], row["boundary"]): row
+             for row in (json.loads(path.read_text()) if path.exists() else [])}
+    scenes = [(load, softening, boundary) for load in LOADS for softening in SOFTENINGS for boundary in BOUNDARIES]
+    rows, steps = [], round(foundation.end / foundation.dt)
+    columns = (TextColumn("{task.description:32}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console) as progress:
+        task = progress.add_task("", total=len(scenes) * steps)
+        for number, (load, softening, boundary) in enumerate(scenes):
+            progress.update(task, description=f"{boundary}, {load / 1e3:g}, {softening / 1e3:g} kPa")
+
+            def advance(step, done=number * steps):
+                progress.update(task, completed=done + step)
+
+            row = known.get((load / 1e3, softening / 1e3, boundary)) or run(load, softening, boundary, advance)
+            rows.append(row)
+            progress.update(task, completed=(number + 1) * steps)
+            part = path.with_suffix(".part")
+            part.write_text("[" + ",\n ".join(json.dumps(row) for row in rows) + "]\n")
+            part.replace(path)
+    figure(rows, folder / "foundation_load.png")
+    console.print(table(rows))
+    return rows
+
+
+if __name__ == "__main__":
+    main()

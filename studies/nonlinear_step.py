@@ -1,0 +1,158 @@
+"""Four ways through a non-linear step, on speed against error.
+
+The strip foundation (h = 0.125 m, fixed sides and base) under one half-sine of 40 kPa, which yields and softens.
+
+    mapped response   equilibrium at the Gauss points, the points' law double-mapped: Newton to 1e-6 (the default)
+    one solve         the same, one linear solve a step
+    modified Newton   equilibrium summed at the points, tangent as for the mapped response's elastic part only
+    point tangent     equilibrium and tangent at the points (GIMP and MPM)
+
+Each is compared at three time steps with the FE twin at the smallest and with itself there.  Writes
+results/nonlinear_step.json and .png.
+
+    python studies/nonlinear_step.py [--quick]
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+from rich.progress import track
+
+from mpm_fenicsx import (
+    DM_G,
+    DM_GC,
+    GIMP,
+    MPM,
+    FiniteElements,
+    Fixed,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    Newton,
+    Probe,
+    RunError,
+    Simulation,
+    Traction,
+    VonMises,
+)
+from mpm_fenicsx.yielding_at_points import YieldingAtPoints
+
+RESULTS = Path(__file__).parents[1] / "results"
+soil = VonMises(LinearElastic(2e6, 0.41, 1000.0), peak=10e3, residual=3e3, softening=50e3)
+width, height, cell, load, end = 6.0, 4.0, 0.125, 40e3, 0.3
+
+
+class ModifiedNewton(Simulation):
+    """Equilibrium at the points, with the double-mapped elastic stiffness of eq. (7) as tangent."""
+
+    def _can_yield(self):
+        law = YieldingAtPoints(self.motion, self.bodies, self.stencils, self._recover)
+        law.stiffness = 0
+        return law
+
+
+def terms(surface, grid):
+    """Fixed box, a strip of 1 m on top."""
+    def pressure(t):
+        return 0.0, -load * max(0.0, np.sin(np.pi * t / 0.2)) * (t < 0.2)
+
+    return [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom")), Traction(surface, pressure)]
+
+
+def elements(dt, newton):
+    """The FE twin."""
+    grid = Grid.box((0, 0), (width, height), (round(width / cell), round(height / cell)),
+                    facets={"strip": lambda x: (x[1] > height - 1e-9) & (abs(x[0] - width / 2) < 0.5 + 1e-9)})
+    return FiniteElements(grid, soil, Newmark(dt), terms(grid.facets("strip"), grid), newton=newton)
+
+
+def points(dt, newton, mapping, kind=Simulation):
+    """Material points, with room for heave."""
+    grid = Grid.box((0, 0), (width, height + 4 * cell), (round(width / cell), round(height / cell) + 4))
+    body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] < height)
+    strip = body.surface("top", lambda x: abs(x[0] - width / 2) < 0.5)
+    return kind(grid, body, Newmark(dt), terms(strip, grid), mapping, newton=newton)
+
+
+WAYS = {
+    "FE": lambda dt: elements(dt, Newton()),
+    "DM-GC, mapped response": lambda dt: points(dt, Newton(), DM_GC),
+    "DM-G, mapped response": lambda dt: points(dt, Newton(), DM_G),
+    "DM-GC, mapped, 1e-3": lambda dt: points(dt, Newton(tolerance=1e-3), DM_GC),
+    "DM-GC, one solve": lambda dt: points(dt, Newton(tolerance=None), DM_GC),
+    "DM-GC, modified Newton": lambda dt: points(dt, Newton(iterations=40, cuts=0), DM_GC, ModifiedNewton),
+    "GIMP, point tangent": lambda dt: points(dt, Newton(iterations=40), GIMP),
+    "MPM, point tangent": lambda dt: points(dt, Newton(), MPM),
+}
+
+
+def measure(name, dt):
+    """One run: settlement curve at the steps of the largest dt, solves and seconds a step."""
+    run = WAYS[name](dt)
+    probe = run.record(Probe("displacement", (width / 2, height)))
+    began, reason = time.perf_counter(), None
+    try:
+        run.until(end)
+    except RunError as error:
+        reason = str(error)
+    steps = max(run.steps, 1)
+    return {"way": name, "dt": dt, "steps": run.steps, "reason": reason, "solves": run.equilibrium.solves / steps,
+            "ms": 1e3 * (time.perf_counter() - began) / steps, "settlement": (-probe.values[:, 1]).tolist()}
+
+
+def figure(rows, path):
+    """Difference from the FE twin at the smallest step, against seconds a run."""
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    fig, axis = plt.subplots(figsize=(7, 4.6), layout="constrained")
+    colours = ["#000000", "#0072B2", "#56B4E9", "#009E73", "#E69F00", "#D55E00", "#CC79A7", "#999999"]
+    for (name, colour), marker in zip(zip(WAYS, colours, strict=True), "osD^v<>p", strict=True):
+        mine = [row for row in rows if row["way"] == name and row["self"] and not row["reason"]]
+        if mine:
+            axis.loglog([row["ms"] * row["steps"] / 1e3 for row in mine], [100 * row["self"] for row in mine],
+                        color=colour, marker=marker, label=name)
+    axis.set_xlabel("time of the run (s)")
+    axis.set_ylabel("difference from itself at the smallest step (%)")
+    axis.grid(alpha=0.3, which="both")
+    axis.legend(fontsize=8)
+    fig.suptitle("Strip foundation yielding under 40 kPa: settlement over 0.3 s")
+    fig.savefig(path, dpi=150)
+
+
+def main(arguments=None) -> list[dict]:
+    """Run all ways at all steps, print a table, write results."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--quick", action="store_true", help="two time steps only")
+    parser.add_argument("--results", type=Path, default=RESULTS)
+    chosen = parser.parse_args(arguments)
+    chosen.results.mkdir(exist_ok=True)
+    steps = (10e-3, 5e-3) if chosen.quick else (10e-3, 5e-3, 2.5e-3, 1.25e-3)
+    rows = [measure(name, dt) for name, dt in track([(name, dt) for name in WAYS for dt in steps])]
+    finest = {row["way"]: row for row in rows if row["dt"] == steps[-1] and not row["reason"]}
+    for row in rows:
+        row["self"] = row["fe"] = None
+        every = round(row["dt"] / steps[-1])
+        for key, way in (("self", row["way"]), ("fe", "FE")):
+            if row["reason"] is None and way in finest and row is not finest[way]:
+                known, mine = np.array(finest[way]["settlement"])[::every], np.array(row["settlement"])
+                row[key] = float(np.linalg.norm(mine - known) / np.linalg.norm(known))
+        shown = [f"{100 * row[key]:6.2f} %" if row[key] is not None else "       -" for key in ("self", "fe")]
+        print(f"{row['way']:24} dt {1e3 * row['dt']:5.2f} ms  solves {row['solves']:5.2f}  {row['ms']:6.1f} ms a step  "
+              f"from itself {shown[0]}  from FE {shown[1]}  {row['reason'] or ''}")
+    for row in rows:
+        row["settlement"] = row["settlement"][-1]
+    (chosen.results / "nonlinear_step.json").write_text(json.dumps(rows, indent=1) + "\n")
+    figure(rows, chosen.results / "nonlinear_step.png")
+    return rows
+
+
+if __name__ == "__main__":
+    main()
