@@ -16,7 +16,7 @@ from .loads import Load
 from .motion import Motion
 from .partition import anywhere
 from .points import SurfacePoints
-from .projection import AT_POINTS, Projection
+from .projection import AT_NODES, Projection, simpson
 from .shapes import Stencil
 
 
@@ -149,7 +149,7 @@ class PointPatch:
         if not scene.grid.comm.allreduce(len(points)):
             raise ValueError("on: the surface has no points")
         self.grid, self.motion, self.points = scene.grid, scene.motion, points
-        self.measure = self.grid.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
+        self.measure = self.grid.dx(metadata=simpson(self.grid.dim))
         self.stencil = Stencil(self.grid, len(points), support=False)
         self._cell = self.grid.find(self._inward())
         self._check()
@@ -169,7 +169,7 @@ class PointPatch:
             raise ValueError(message)
 
     def _field(self, fields: int, values: Callable[[float, float], np.ndarray]) -> list[fem.Function]:
-        projection = Projection(self.grid, AT_POINTS, fields)
+        projection = Projection(self.grid, AT_NODES, fields)
 
         def refresh(start: float, end: float) -> None:
             projection.clear()

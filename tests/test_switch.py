@@ -3,6 +3,7 @@
 import dense
 import numpy as np
 import pytest
+import ufl
 
 from mpm_fenicsx import (
     DM_GC,
@@ -356,3 +357,24 @@ def test_carried_tractions_move_with_their_surface(mapping):
     run = column.release(surfaces, carried + [Viscous(s, SOIL) for s in surfaces])
     run.until(0.1)
     assert np.abs(column.points.velocity).max() < 1e-9 * column.speed
+
+
+@pytest.mark.parametrize("beyond", [1e-2, 1e-4, 1e-6])
+def test_a_dashpot_just_over_a_corner_keeps_the_matrix_exact_in_its_smallest_rows(beyond):
+    """Its far node takes beyond⁴ of it, next to one that takes it all."""
+    grid = Grid.box((0, 0), (3, 3), (3, 3))
+    on = SurfacePoints([[2 - beyond, 1 + beyond]], [[0.6, 0.8]], [1.0])
+    scene = dense.bare_scene(grid, Newmark(1e-2))
+    work = Viscous(on, SOIL).bind(scene).work
+    scene.prepare(0.0, 1e-2)
+    K = dense.matrix(ufl.derivative(work, scene.motion.u, ufl.TrialFunction(grid.space)))
+    N = dense.hats(grid, on.x)
+    n = on.normal[:, :, None] * on.normal[:, None, :]
+    Z = SOIL.density * (SOIL.p_speed * n + SOIL.s_speed * (np.eye(2) - n))
+    by_hand = 200.0 * np.einsum("p,pi,pj,pab->iajb", on.area, N, N, Z).reshape(K.shape)
+    d = by_hand.diagonal()
+    touched = np.flatnonzero(d > 0)
+    assert d[touched].min() < 2 * beyond**4 * d.max()
+    scale = 1 / np.sqrt(d[touched])
+    difference = (K - by_hand)[np.ix_(touched, touched)] * scale[:, None] * scale
+    assert np.abs(difference).max() < 1e-15 / beyond**2 + 1e-12  # with Gauss points it would be 1e-16 / beyond⁴
