@@ -129,7 +129,7 @@ def figure(rows: list[dict], path: Path) -> None:
 
     styles = {"FE": ("#0072b2", 4.0, (0, (6, 2))), "DM-G": ("#e69f00", 2.4, (0, (3, 2))),
               "DM-GC": ("#000000", 0.9, (0, (1, 1.2)))}  # colour, width where all agree, dashes where they do not
-    fig, axes = plt.subplots(1, len(POISSON), figsize=(11, 4.3), sharex=True, sharey=True, layout="constrained")
+    fig, axes = plt.subplots(1, len(POISSON), figsize=(11, 4.0), sharex=True, sharey=True, layout="constrained")
     for axis, ν in zip(axes, POISSON, strict=True):
         beyond = []
         for row in rows:
@@ -146,8 +146,7 @@ def figure(rows: list[dict], path: Path) -> None:
         axis.set(title=f"ν = {ν}", xlabel="settlement of the strip (mm)", xlim=(0, 1e3 * settlement), ylim=(0, TOP))
         axis.grid(alpha=0.3)
     axes[0].set_ylabel("mean pressure on the strip / cohesion (-)")
-    handles, labels = axes[0].get_legend_handles_labels()
-    fig.legend(handles, labels, fontsize=9, ncols=4, loc="outside lower center")
+    axes[0].legend(fontsize=9, loc="lower right")
     fig.suptitle(f"Strip of {2 * strip:g} m on weightless cohesive soil, E = 10⁵ c, cells from {cell:g} m at its edge")
     path.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(path, dpi=150)
