@@ -25,9 +25,10 @@ def tractions(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequ
 
     ``fixed``, ``borne`` (dofs,): which are, and R, N.  A component of t is there only on edges where it is fixed; of
     all such t the one with the least ∫ t².  What fixed nodes bear that the surfaces do not touch is left out: it
-    belongs to supports that stay.  Surface points must lie on the grid lines: make them after the static run, or before
-    it and let a term carry them along (as they must be where the material points are scattered).  Raises ``ValueError`` on several ranks, for surfaces of both kinds or none, one
-    that is on no fixed edge, or too few surface points.
+    belongs to supports that stay.  Surface points must lie on the grid lines: make them after the static run, or
+    before it and let a term carry them along (as they must be where the material points are scattered).
+    Raises ``ValueError`` on several ranks, for surfaces of both kinds or none, one that is on no fixed edge, or too
+    few surface points.
     """
     if scene.grid.comm.size > 1:
         raise ValueError("reactions are found on one rank only")
