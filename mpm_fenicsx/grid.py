@@ -52,6 +52,7 @@ class Grid:
         self.mesh = mesh
         self.comm: MPI.Comm = mesh.comm
         self.dim: int = mesh.topology.dim
+        self.axes = tuple(range(self.dim))
         self.space = fenicsx.space(mesh, "Lagrange", 1, (self.dim,))
         cells = mesh.topology.index_map(self.dim)
         self.owned_cells, self.cells = cells.size_local, cells.size_local + cells.num_ghosts

@@ -1,4 +1,8 @@
-"""The loops over points and cells: short, compiled by numba, no idea of their own."""
+"""The loops over points and cells: short, compiled by numba, no idea of their own.
+
+``axes`` is the tuple of directions, (0, 1) or (0, 1, 2): its length is known when a kernel is compiled, so that
+the loops over directions are unrolled (two to three times faster).
+"""
 
 from __future__ import annotations
 
@@ -61,7 +65,7 @@ def over_corner(cell, side, neighbour):
 
 
 @jit
-def spans(x, half, cell, lower, upper, neighbour, side, span, share):
+def spans(axes, x, half, cell, lower, upper, neighbour, side, span, share):
     """Cut each point's support domain at the edges of its cell, direction by direction.
 
     Segment 0 lies in the point's own cell, segment 1 in the neighbour on ``side`` (-1, 0 for none, 1).
@@ -69,7 +73,7 @@ def spans(x, half, cell, lower, upper, neighbour, side, span, share):
     A half width of zero is the point itself.  Beyond the end of the grid the domain is cut off; where it reaches
     over an inward corner of the grid, it ends with its own cell.
     """
-    n, dim = x.shape
+    n, dim = len(x), len(axes)
     for p in range(n):
         c = cell[p]
         crossed = 0
@@ -114,13 +118,13 @@ def spans(x, half, cell, lower, upper, neighbour, side, span, share):
 
 
 @jit
-def nodal_weights(side, span, share, cell, lower, upper, neighbour, patch, table, nodes, values, gradients):
+def nodal_weights(axes, side, span, share, cell, lower, upper, neighbour, patch, table, nodes, values, gradients):
     """Weights S_ip and gradients ∇S_ip: linear shape functions averaged over the support domain.
 
     ``table`` (k, dim): digits of the stencil, 0-1 for two nodes a direction, 0-2 for three;
     ``patch`` (cells, 4^dim): the nodes around each cell.  Outputs (n, k) and (n, k, dim).
     """
-    n, dim = side.shape
+    n, dim = len(side), len(axes)
     line = np.empty((dim, 3))
     slope = np.empty((dim, 3))
     start = np.empty(dim, np.int64)
@@ -172,9 +176,9 @@ def scatter(nodes, weights, values, out):
 
 
 @jit
-def scatter_divergence(nodes, gradients, stress, out):
+def scatter_divergence(axes, nodes, gradients, stress, out):
     """out_i += Σ_p σ_p ∇S_ip for volume-weighted stress tensors (n, dim, dim)."""
-    dim = gradients.shape[2]
+    dim = len(axes)
     for p in range(len(nodes)):
         for m in range(nodes.shape[1]):
             for i in range(dim):
@@ -196,9 +200,9 @@ def interpolate(nodes, weights, field, out):
 
 
 @jit
-def interpolate_gradient(nodes, gradients, field, out):
+def interpolate_gradient(axes, nodes, gradients, field, out):
     """out_p,ij = Σ_i q_i ∂_j S_ip for nodal vectors (nodes, dim)."""
-    dim = gradients.shape[2]
+    dim = len(axes)
     for p in range(len(nodes)):
         for i in range(dim):
             for j in range(dim):
@@ -209,14 +213,14 @@ def interpolate_gradient(nodes, gradients, field, out):
 
 
 @jit
-def project(side, span, share, cell, volume, neighbour, dual, corners, table, dofs, values, out):
+def project(axes, side, span, share, cell, volume, neighbour, dual, corners, table, dofs, values, out):
     """Cell by cell, add each point's values to the dofs of a discontinuous field.
 
     out_ck += q_p / |c| ∏_d Σ_j dual_kj ⟨ξ^j⟩, the mean of ξ^j taken over the segment of the support domain in c.
     ``values`` (n, f) are volume-weighted; ``corners`` (2^dim, dim) and ``table`` (k^dim, dim) digit tables;
     ``out`` (dofs, f).
     """
-    n, dim = side.shape
+    n, dim = len(side), len(axes)
     k = len(dual)
     line = np.empty((dim, 2, k))
     for p in range(n):

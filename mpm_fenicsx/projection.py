@@ -85,8 +85,9 @@ class Projection:
     def add(self, stencil: Stencil, values: np.ndarray) -> None:
         """Add volume-weighted values V_p q_p (n, fields) of the points of a stencil."""
         lat = self.grid.lattice
-        kernels.project(stencil.side, stencil.span, stencil.share, stencil.cell, lat.volume, lat.neighbour,
-                        self.integration.dual, self._corners, self._table, self.dofs, values, self._sums)
+        kernels.project(
+            self.grid.axes, stencil.side, stencil.span, stencil.share, stencil.cell, lat.volume, lat.neighbour,
+            self.integration.dual, self._corners, self._table, self.dofs, values, self._sums)
 
     def finish(self) -> None:
         """Set the fields to the sums, over all ranks."""

@@ -31,11 +31,11 @@ class Stencil:
 
     def place(self, x: np.ndarray, half: np.ndarray | None, cell: np.ndarray) -> None:
         """Refresh for points at x (n, dim) in cells (n,), with half support domains (n, dim) where there are any."""
-        lat = self.grid.lattice
+        lat, axes = self.grid.lattice, self.grid.axes
         half = half if self._no_extent is None else self._no_extent
         self.cell = cell
-        kernels.spans(x, half, cell, lat.lower, lat.upper, lat.neighbour, self.side, self.span, self.share)
-        kernels.nodal_weights(self.side, self.span, self.share, cell, lat.lower, lat.upper, lat.neighbour,
+        kernels.spans(axes, x, half, cell, lat.lower, lat.upper, lat.neighbour, self.side, self.span, self.share)
+        kernels.nodal_weights(axes, self.side, self.span, self.share, cell, lat.lower, lat.upper, lat.neighbour,
                               lat.patch, self.table, self.nodes, self.values, self.gradients)
 
     def deposit(self, values: np.ndarray, nodal: np.ndarray) -> None:
@@ -44,7 +44,7 @@ class Stencil:
 
     def deposit_divergence(self, stress: np.ndarray, nodal: np.ndarray) -> None:
         """Add Σ_p σ_p ∇S_ip of volume-weighted stress tensors (n, dim, dim), N m, to ``nodal`` (nodes, dim)."""
-        kernels.scatter_divergence(self.nodes, self.gradients, stress, nodal)
+        kernels.scatter_divergence(self.grid.axes, self.nodes, self.gradients, stress, nodal)
 
     def at_points(self, nodal: np.ndarray) -> np.ndarray:
         """Nodal values (nodes, f) at the points (n, f)."""
@@ -61,7 +61,7 @@ class Stencil:
     def gradient_at_points(self, nodal: np.ndarray) -> np.ndarray:
         """Gradients (n, dim, dim) at the points of nodal vectors (nodes, dim)."""
         out = np.empty((len(self.nodes), self.grid.dim, self.grid.dim))
-        kernels.interpolate_gradient(self.nodes, self.gradients, nodal, out)
+        kernels.interpolate_gradient(self.grid.axes, self.nodes, self.gradients, nodal, out)
         return out
 
 
