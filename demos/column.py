@@ -176,10 +176,11 @@ def figure(curves, path):
             axis.set_xlim(0, end)
     axes[0, 0].set_ylabel("vertical stress (kPa)")
     axes[1, 0].set_ylabel("vertical displacement (m)")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=9, ncols=4, loc="outside lower center")
+    fig.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=9, ncols=4, loc="upper center",
+               bbox_to_anchor=(0.5, 0.0))
     fig.suptitle("Column under a 300 kPa pulse, at mid-height (h = 0.25 m, Δt = 1 ms, 4 points a cell)")
     path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, dpi=150)
+    fig.savefig(path, dpi=150, bbox_inches="tight")  # with the legend, below the figure
     plt.close(fig)
 
 

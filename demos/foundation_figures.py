@@ -8,13 +8,14 @@ from matplotlib.collections import PolyCollection
 from matplotlib.colors import LogNorm
 
 COLOURS = {"fixed": "#0072B2", "viscous": "#E69F00", "viscoelastic": "#009E73"}
+WIDTHS = {"fixed": 3.0, "viscous": 5.5, "viscoelastic": 2.2}  # the absorbing ones nearly coincide
 
 
 def histories(curves, pressure, plateau, apart, depths, title, path):
     """Load, vertical stress at one point and deviatoric stress q at another, over time.
 
     ``curves``: (time, vertical stress, q) by method and boundary; ``pressure``: time and load; ``apart``: when fixed
-    leaves viscous, or None; ``depths`` of the points.
+    leaves viscous by a share of its largest q, or None; ``depths`` of the points.
     """
     fig, axes = plt.subplots(3, 1, figsize=(8.5, 8.5), sharex=True, layout="constrained",
                              gridspec_kw={"height_ratios": (0.45, 1, 1)})
@@ -23,15 +24,19 @@ def histories(curves, pressure, plateau, apart, depths, title, path):
     above.fill_between(t, p / 1e3, color="0.85")
     above.plot(t, p / 1e3, color="0.3", lw=1)
     for (method, boundary), (time, vertical, q) in curves.items():
-        style = {"lw": 0.9, "ls": (0, (5, 2))} if method == "FE" else {"lw": 3.0, "alpha": 0.5}
+        style = {"lw": 0.9, "ls": (0, (5, 2))} if method == "FE" else {"lw": WIDTHS[boundary], "alpha": 0.55}
         for ax, curve in ((middle, vertical), (below, q)):
             ax.plot(time, curve / 1e3, color=COLOURS[boundary], label=f"{boundary}, {method}", **style)
     below.axhline(plateau / 1e3, color="0.25", lw=0.9, ls=":")
     below.annotate(f"first yield, {plateau / 1e3:.1f} kPa", (0.01, plateau / 1e3), (0, -11),
                    textcoords="offset points", fontsize=8, color="0.25")
-    if apart is not None:
-        below.axvline(apart, color="#CC79A7", lw=1)
-        below.annotate(f"fixed leaves viscous by 2 %\nof its largest q: {apart:g} s", (apart, 0.4), (5, 0),
+    lines = ["fixed leaves viscous"]
+    for share, when in apart.items():
+        if when is not None:
+            below.axvline(when, color="#CC79A7", lw=1)
+            lines.append(f"by {100 * share:g} % of its largest q: {when:g} s")
+    if len(lines) > 1:
+        below.annotate("\n".join(lines), (max(filter(None, apart.values())), 11.0), (8, 0),
                        textcoords="offset points", fontsize=8, color="#9A4A7A")
     above.set(ylabel="pressure (kPa)", title="on the strip (assumed)", ylim=(0, None))
     middle.set(ylabel="vertical stress (kPa)", title=f"point 1: on the axis, {depths[0]:.2f} m deep (assumed)")
@@ -41,10 +46,7 @@ def histories(curves, pressure, plateau, apart, depths, title, path):
         ax.grid(alpha=0.3)
         ax.set_xlim(0, t[-1])
         ax.title.set_fontsize(10)
-    handles, labels = middle.get_legend_handles_labels()
-    order = sorted(range(len(labels)), key=lambda i: "FE" in labels[i])  # columns are filled first
-    order = np.array(order).reshape(-1, len(COLOURS)).T.ravel() if len(order) % len(COLOURS) == 0 else order
-    fig.legend([handles[i] for i in order], [labels[i] for i in order], fontsize=9, ncol=3, loc="outside lower center")
+    middle.legend(loc="lower left", fontsize=9)
     fig.suptitle(title, fontsize=11)
     fig.savefig(path, dpi=150)
     plt.close(fig)
