@@ -137,9 +137,10 @@ def create_matrix(form):
 
 def assemble_matrix(A, form, bcs) -> None:
     """Add the form to A, rows and columns of ``bcs`` left empty but for a unit diagonal."""
-    for part in _parts(form):
+    for number, part in enumerate(_parts(form)):
+        if number:
+            A.assemble(True)  # flushes: the diagonal was set, now is added to
         fem.petsc.assemble_matrix(A, part, bcs=bcs)
-        A.assemble()
 
 
 def assemble_vector(b: fem.Function, form) -> None:

@@ -138,20 +138,20 @@ def still(dim: int, mapping) -> dict:
     return out
 
 
-def moving(dim: int, mapping) -> dict:
+def moving(dim: int, mapping, b_bar: bool = False) -> dict:
     """A few steps."""
     grid = grid_of(dim)
     body, number = body_of(grid)
     terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets("left", "right"), "x"),
              Viscoelastic(grid.facets("bottom"), SOIL, 3.0), Viscoelastic(markers_of(grid), SOIL, 2.0)]
-    run = Simulation(grid, body, Newmark(1e-4), terms, mapping, solver={"ksp_rtol": 1e-13})
+    run = Simulation(grid, body, Newmark(1e-4), terms, mapping, solver={"ksp_rtol": 1e-13}, b_bar=b_bar)
     for _ in range(4):
         run.step()
     rows = np.hstack((body.x, 1e-6 * body.stress, body.velocity, 1e-2 * body.acceleration))
     return {"points": {str(n): row.tolist() for n, row in zip(number, rows, strict=True)}}
 
 
-def twin(dim: int, stepping) -> dict:
+def twin(dim: int, stepping, b_bar: bool = False) -> dict:
     """Finite elements."""
     grid = grid_of(dim)
     across, up = (0.0,) * (dim - 1), "xyz"[dim - 1]
@@ -161,7 +161,7 @@ def twin(dim: int, stepping) -> dict:
         terms.append(Viscoelastic(grid.facets("top"), SOIL, 3.0))
     elif dim == 3:
         terms.append(Fixed(grid.facets("bottom"), "y"))
-    run = FiniteElements(grid, SOIL, stepping, terms)
+    run = FiniteElements(grid, SOIL, stepping, terms, b_bar=b_bar)
     for _ in range(3):
         run.step()
     return {"displacement": nodal(grid, run.motion.nodal(run.displacement))}
@@ -212,6 +212,8 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
         for mapping in (MPM, GIMP, DM_GC):
             cases[f"still {dim}D {mapping}"] = still(dim, mapping)
             cases[f"moving {dim}D {mapping}"] = moving(dim, mapping)
+        cases[f"moving {dim}D B-bar"] = moving(dim, DM_GC, b_bar=True)
+        cases[f"static twin {dim}D B-bar"] = twin(dim, QuasiStatic(3), b_bar=True)
         cases[f"twin {dim}D"] = twin(dim, Newmark(1e-3))
         cases[f"static twin {dim}D"] = twin(dim, QuasiStatic(3))
     whole: dict = {}

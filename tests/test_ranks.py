@@ -61,14 +61,15 @@ def test_points_that_do_not_move_give_the_same_numbers(several, serial, dim, map
         assert difference(several[case][quantity], expected) < tolerance, quantity
 
 
-@pytest.mark.parametrize("mapping", ["MPM", "GIMP", "DM-GC"])
+@pytest.mark.parametrize("mapping", ["MPM", "GIMP", "DM-GC", "B-bar"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_few_steps_lead_to_the_same_points(several, serial, dim, mapping):
     case = f"moving {dim}D {mapping}"
     assert difference(several[case]["points"], serial[case]["points"]) < 1e-9
 
 
-@pytest.mark.parametrize("case", ["twin 2D", "twin 3D", "static twin 2D", "static twin 3D"])
+@pytest.mark.parametrize("case", ["twin 2D", "twin 3D", "static twin 2D", "static twin 3D",
+                                  "static twin 2D B-bar", "static twin 3D B-bar"])
 def test_the_finite_element_twin_is_the_same(several, serial, case):
     assert difference(several[case]["displacement"], serial[case]["displacement"]) < 1e-10
 
