@@ -1,6 +1,8 @@
 """A strip on soil that softens: fixed, viscous and viscoelastic boundaries under the same pulses.
 
-The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2.  Units: m, s, kg, Pa.
+The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2.  Units: m, s, kg, Pa.  The paper prints
+neither load nor softening modulus nor the points' places: they are assumed here, as are rollers where the sides are
+fixed.  Its quasi-static first step is left out: without gravity there is nothing at rest to carry over.
 
     python demos/foundation.py            the paper's grid, a few minutes
     python demos/foundation.py --quick    cells of 0.125 m, half a minute

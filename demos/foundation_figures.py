@@ -30,11 +30,11 @@ def histories(curves, pressure, plateau, apart, depths, title, path):
     below.axhline(plateau / 1e3, color="0.25", lw=0.9, ls=":")
     below.annotate(f"first yield, {plateau / 1e3:.1f} kPa", (0.01, plateau / 1e3), (0, -11),
                    textcoords="offset points", fontsize=8, color="0.25")
-    lines = ["fixed leaves viscous"]
+    lines = ["fixed leaves viscous by"]
     for share, when in apart.items():
         if when is not None:
             below.axvline(when, color="#CC79A7", lw=1)
-            lines.append(f"by {100 * share:g} % of its largest q: {when:g} s")
+            lines.append(f"{100 * share:g} % of max q at {when:g} s")
     if len(lines) > 1:
         below.annotate("\n".join(lines), (max(filter(None, apart.values())), 11.0), (8, 0),
                        textcoords="offset points", fontsize=8, color="#9A4A7A")
