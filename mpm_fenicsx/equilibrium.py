@@ -21,6 +21,9 @@ from .yielding import Yielding
 IDLE = 1e-20  # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of 1e-18
 
 
+RESCUE = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
+
+
 class Equilibrium:
     """R(u) = 0 with the derivative K of the residual R; each solve starts from u = 0.
 
@@ -55,7 +58,9 @@ class Equilibrium:
         self.idle = np.zeros(self._owned, dtype=bool)
         self.ksp = _solver(self.matrix, motion, options)
         self._bent = True  # the matrix is not K at u = 0
-        self.solves = self.iterations = 0
+        self.solves = self.iterations = self.rescues = 0
+        self._can_rescue = motion.stepping.dynamic and options is None
+        self._rescue: PETSc.KSP | None = None
 
     def assemble_tangent(self) -> None:
         """K with the law's tangent as it is; fixed nodes and nodes that touch no material keep a diagonal."""
@@ -116,15 +121,23 @@ class Equilibrium:
         return self._norm() if self.yielding is not None else 0.0
 
     def correct(self) -> None:
-        """Add K⁻¹ of the residual to the motion's u."""
-        self._b.stateIncrease()
-        self.ksp.solve(self._b, self._x)
-        reason = self.ksp.getConvergedReason()
+        """Add K⁻¹ of the residual to the motion's u; where the solver is ours and fails, by a full factor."""
+        reason = self._run(self.ksp)
+        if reason < 0 and self._can_rescue:
+            if self._rescue is None:
+                self._rescue = _solver(self.matrix, self.motion, RESCUE)
+            self._rescue.setOperators(self.matrix)
+            reason, self.rescues = self._run(self._rescue), self.rescues + 1
         self.solves, self.iterations = self.solves + 1, self.ksp.getIterationNumber()
         if reason < 0 or not np.isfinite(self._x.norm()):
             raise SolverError(f"linear solver stopped with PETSc reason {reason} after {self.iterations} iterations")
         fenicsx.share(self.increment)
         self.motion.u.x.array[:] += self.increment.x.array
+
+    def _run(self, ksp: PETSc.KSP) -> int:
+        self._b.stateIncrease()
+        ksp.solve(self._b, self._x)
+        return ksp.getConvergedReason()
 
     def _norm(self) -> float:
         self._b.stateIncrease()  # else PETSc answers with the norm of what the array held before
@@ -173,6 +186,8 @@ def _solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | None) 
         # block Jacobi would do on several ranks, but there PETSc 3.18 lets the blocks' factors turn indefinite
         chosen = {"ksp_type": "cg", "ksp_rtol": 1e-11, **({"pc_type": "asm", "pc_asm_type": "basic",
                   "sub_pc_type": "icc"} if several else {"pc_type": "icc"})}
+        # small cuts leave rows 1e12 times smaller than others, which the factor takes for zero unless they are scaled
+        chosen.update(ksp_max_it=300, ksp_diagonal_scale=True, ksp_diagonal_scale_fix=True)
     else:
         chosen = {"ksp_type": "preonly", "pc_type": "cholesky",
                   "pc_factor_mat_solver_type": "mumps" if several else "petsc"}

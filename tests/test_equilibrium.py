@@ -229,3 +229,16 @@ def test_solvers_agree(mapping):
         run.until(5e-3)
         found.append(body.x - 0.0)
     np.testing.assert_allclose(found[0], found[1], atol=1e-13)
+
+
+def test_a_factor_comes_to_the_rescue_of_an_iteration_that_fails():
+    grid = dense.uneven(2)
+    found = []
+    for most in (300, 1):
+        body = dense.random_body(grid, np.random.default_rng(7))
+        run = Simulation(grid, body, Newmark(DT), [Gravity((1.0, -9.0)), Fixed(grid.facets("bottom"))])
+        run.equilibrium.ksp.setTolerances(max_it=most)
+        run.step()
+        found.append(run.motion.u.x.array.copy())
+        assert run.equilibrium.rescues == (most == 1)
+    close(found[1], found[0], 1e-8)
