@@ -87,20 +87,21 @@ def under_strip(x):
 
 def terms(boundary, load, surface, grid):
     """The scene; ``surface`` gives facets to finite elements and surface points to material points."""
-    pressed = Traction(surface("top", under_strip), lambda t: (0.0, -float(pulses(t, load))))
+    pressed = Traction(surface("top", where=under_strip), lambda t: (0.0, -float(pulses(t, load))))
     if boundary == "fixed":
         return [pressed, Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
-    edge = [surface(side) for side in ("left", "right", "bottom")]
-    if boundary == "viscous":
-        return [pressed, *(Viscous(on, elastic) for on in edge)]
-    return [pressed, *(Viscoelastic(on, elastic, radius) for on in edge)]
+    edge = surface("left", "right", "bottom")
+    return [pressed, Viscous(edge, elastic) if boundary == "viscous" else Viscoelastic(edge, elastic, radius)]
 
 
 def finite_elements(boundary, load=load, softening=softening, cell=0.0625):
     """The twin, small strain: facets of the mesh bear the load and the dashpots."""
     grid = Grid.box((0, 0), (width, height), (round(width / cell), round(height / cell)),
                     facets={"strip": lambda x: under_strip(x) & (np.abs(x[1] - height) < 1e-9)})
-    surface = lambda side, where=None: grid.facets("strip" if where else side)  # noqa: E731
+
+    def surface(*sides, where=None):
+        return grid.facets("strip") if where else grid.facets(*sides)
+
     return FiniteElements(grid, soil(softening), Newmark(dt), terms(boundary, load, surface, grid))
 
 

@@ -170,16 +170,24 @@ class MaterialPoints:
         self.volume *= J
         self.half *= stretch
 
-    def surface(self, side: str, where: Callable[[np.ndarray], np.ndarray] | None = None) -> SurfacePoints:
-        """Surface points on the faces of support domains that form the body's edge on one side.
+    def surface(self, *sides: str, where: Callable[[np.ndarray], np.ndarray] | None = None) -> SurfacePoints:
+        """Surface points on the faces of support domains that form the body's edge, on one side or several.
 
-        ``side``: left, right, bottom, top, back or front, the way the outward normal points; ``where`` maps face
+        ``sides``: left, right, bottom, top, back or front, the way the outward normal points; ``where`` maps face
         centres (dim, n) to bool (n,) and keeps a part.  Each face carries Gauss points, so that its integrals are
-        exact for cubics.  A rank may hold none.  Raises ``ValueError`` for a side that is not known.
+        exact for cubics.  One surface of several sides costs less than several surfaces.  A rank may hold none.
+        Raises ``ValueError`` for a side that is not known.
         """
-        d, end = SIDES[one_of("side", side, list(SIDES)[: 2 * self.dim])]
+        if not sides:
+            raise ValueError("sides must name one side or several, got none")
         if self.exposed is None:
             raise ValueError("surface needs points made by fill; give SurfacePoints(x, normal, area) instead")
+        parts = [self._side(one_of("side", side, list(SIDES)[: 2 * self.dim]), where) for side in sides]
+        return SurfacePoints(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+
+    def _side(self, side: str, where: Callable[[np.ndarray], np.ndarray] | None) -> tuple[np.ndarray, ...]:
+        """Places, normals and areas of the surface points on one side."""
+        d, end = SIDES[side]
         rows = np.flatnonzero(self.exposed[:, d, end])
         normal = np.zeros(self.dim)
         normal[d] = 2 * end - 1
@@ -192,4 +200,4 @@ class MaterialPoints:
         gauss = (2 * digits(2, self.dim - 1) - 1) / np.sqrt(3)
         gauss = np.insert(gauss, d, 0.0, axis=1)
         place = (x[:, None] + gauss * half[:, None]).reshape(-1, self.dim)
-        return SurfacePoints(place, np.broadcast_to(normal, place.shape), np.repeat(area / len(gauss), len(gauss)))
+        return place, np.broadcast_to(normal, place.shape), np.repeat(area / len(gauss), len(gauss))

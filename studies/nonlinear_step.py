@@ -77,7 +77,7 @@ def points(dt, newton, mapping, kind=Simulation):
     """Material points, with room for heave."""
     grid = Grid.box((0, 0), (width, height + 4 * cell), (round(width / cell), round(height / cell) + 4))
     body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] < height)
-    strip = body.surface("top", lambda x: abs(x[0] - width / 2) < 0.5)
+    strip = body.surface("top", where=lambda x: abs(x[0] - width / 2) < 0.5)
     return kind(grid, body, Newmark(dt), terms(strip, grid), mapping, newton=newton)
 
 

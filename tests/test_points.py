@@ -182,6 +182,15 @@ def test_part_of_a_side(soil, jitter):
     assert (footing.x[:, 0] < 3.0).all()
 
 
+def test_one_surface_of_two_sides_is_both(soil):
+    points = MaterialPoints.fill(Grid.box((0, 0), (2, 1), (4, 3)), soil, 4)
+    both, parts = points.surface("left", "top"), (points.surface("left"), points.surface("top"))
+    for name in ("x", "normal", "area"):
+        np.testing.assert_array_equal(getattr(both, name), np.concatenate([getattr(part, name) for part in parts]))
+    with pytest.raises(ValueError, match="sides"):
+        points.surface()
+
+
 def test_sides_of_no_body_are_refused(points, soil):
     with pytest.raises(ValueError, match="side must be one of left, right"):
         points.surface("north")

@@ -159,7 +159,7 @@ def loaded(mapping, rng):
     grid = dense.uneven(2)
     body = MaterialPoints.fill(grid, SOIL, 4, jitter=0.3, seed=int(rng.integers(99)))
     on = [body.surface(side) for side in ("left", "right", "bottom")]
-    strip = body.surface("top", lambda x: x[0] < 0.4)
+    strip = body.surface("top", where=lambda x: x[0] < 0.4)
     keep = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
     still = [Traction(surface, (0.0, 0.0)) for surface in on]
     run = Simulation(grid, body, QuasiStatic(2), [Traction(strip, lambda t: (0.0, -3e5 * t)), *keep, *still], mapping)
