@@ -107,21 +107,27 @@ class Traction:
 
 @dataclass(frozen=True)
 class Gravity:
-    """Body force per mass (m/s²): ``g`` is (dim,) numbers or a function of t."""
+    """Body force per mass (m/s²): ``g`` is (dim,) numbers or a function of t, or of t and x (n, dim).
+
+    What depends on place is taken at the nodes, and is linear between them.
+    """
 
     g: Callable | tuple[float, ...]
 
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work -∫ ρ g·w, and the work done."""
-        function, placed = as_load("g of Gravity", self.g, scene.grid.dim)
-        if placed:
-            raise ValueError("g of Gravity may depend on time only")
-        motion, nowhere = scene.motion, np.zeros((1, scene.grid.dim))
-        g, mean = (fem.Constant(scene.grid.mesh, np.zeros(scene.grid.dim)) for _ in range(2))
+        motion, grid = scene.motion, scene.grid
+        function, placed = as_load("g of Gravity", self.g, grid.dim)
+        x = grid.space.tabulate_dof_coordinates()[:, : grid.dim] if placed else np.zeros((1, grid.dim))
+        g, mean = (fem.Function(grid.space) if placed else fem.Constant(grid.mesh, np.zeros(grid.dim))
+                   for _ in range(2))
+
+        def put(f, value: np.ndarray) -> None:
+            (motion.nodal(f) if placed else f.value)[:] = value
 
         def refresh(start: float, end: float) -> None:
-            g.value[:] = function(end, nowhere)
-            mean.value[:] = 0.5 * (function(start, nowhere) + function(end, nowhere))
+            put(g, function(end, x))
+            put(mean, 0.5 * (function(start, x) + function(end, x)))
 
         scene.before.append(refresh)
         work = -forms.load(scene.density * g, motion.w) * scene.dx

@@ -6,6 +6,7 @@ import pytest
 import ufl
 
 from mpm_fenicsx import (
+    MPM,
     Fixed,
     Gravity,
     Grid,
@@ -18,6 +19,7 @@ from mpm_fenicsx import (
     Traction,
     Viscoelastic,
     Viscous,
+    fenicsx,
 )
 
 DT = 0.01
@@ -214,6 +216,28 @@ def test_gravity_is_the_weight(dim):
     scene.prepare(1.0, 2.0)
     force = -dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0)
     np.testing.assert_allclose(force, 3000.0 * g * (grid.upper_corner - grid.lower_corner).prod(), rtol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_body_force_of_place_is_the_sum_over_the_points(dim, rng):
+    """A force linear in x, which the nodes hold exactly: its virtual work, and the work that it does."""
+    grid = dense.uneven(dim)
+    body = dense.random_body(grid, rng)
+
+    def force(t, x):
+        return t * (x @ LINEAR[:dim, :dim] + 0.3)
+
+    run = Simulation(grid, body, STEPPING, [Gravity(force)], MPM)
+    run.locate()
+    run.project()
+    run.scene.prepare(0.3, 0.3 + DT)
+    motion, N = run.motion, dense.hats(grid, body.x)
+    motion.u.x.array[:] = rng.normal(size=len(motion.u.x.array))
+    R = dense.vector(grid.space, run.contributions[-1].work)
+    same(-R, np.einsum("p,pi,pd->id", body.mass, N, force(0.3 + DT, body.x)).ravel())
+    work = fenicsx.assemble_scalar(fenicsx.compile_form(run.contributions[-1].energy()["work"]))
+    mean = 0.5 * (force(0.3, body.x) + force(0.3 + DT, body.x))
+    assert work == pytest.approx(np.einsum("p,pd,pd->", body.mass, mean, N @ motion.nodal(motion.u)), rel=1e-12)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
