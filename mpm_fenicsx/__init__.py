@@ -5,7 +5,7 @@ from mpi4py import MPI as _MPI  # noqa: F401  before dolfinx: it loads the MPI l
 from .finite_elements import FiniteElements
 from .grid import Grid
 from .mapping import CMPM, DM, DM_C, DM_G, DM_GC, GIMP, MAPPINGS, MPM, Mapping
-from .materials import LinearElastic, VonMises
+from .materials import Hencky, LinearElastic, VonMises
 from .newton import Newton
 from .output import Snapshots
 from .points import MaterialPoints, SurfacePoints
@@ -18,7 +18,7 @@ from .velocities import flip, trapezoidal
 
 __all__ = [
     "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Energy", "FiniteElements", "Fixed",
-    "Gravity", "Grid", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic",
-    "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "VonMises",
-    "flip", "trapezoidal",
+    "Gravity", "Grid", "Hencky", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe",
+    "QuasiStatic", "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction", "Viscoelastic", "Viscous",
+    "VonMises", "flip", "trapezoidal",
 ]

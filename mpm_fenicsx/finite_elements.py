@@ -11,24 +11,26 @@ from ufl import inner
 
 from . import fenicsx, kernels, tensors
 from .equilibrium import Equilibrium
+from .finite_strain_elements import FiniteStrainElements
 from .gauss import GaussPoints
 from .grid import Grid
+from .kinematics import FINITE_STRAIN
 from .motion import Motion
 from .newton import Newton, SolverError
 from .run import Run
 from .scene import Scene
 from .terms import elastic_work, elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
-from .yielding import YieldingElements
+from .yielding import Yielding, YieldingElements
 
 
 class FiniteElements(Run):
-    """Small-strain finite element run on the whole grid, bilinear (trilinear) elements.
+    """Finite element run on the whole grid, bilinear (trilinear) elements, in the configuration at rest.
 
-    The tangent does not change, so it is assembled and factored once; ``reassemble`` does it every step, as a
-    material point run must, for a fair clock.  ``solver``: PETSc options.  ``b_bar``: volume changes by the cell's
-    mean, which cures locking where ν comes near ½ or flow keeps the volume.  ``start``: the run whose state this one
-    goes on from, at time 0 again; a quasi-static one is at rest.
+    At small strain the tangent does not change, so it is assembled and factored once; ``reassemble`` does it every
+    step, as a material point run must, for a fair clock.  ``solver``: PETSc options.  ``b_bar``: volume changes by the
+    cell's mean, which cures locking where ν comes near ½ or flow keeps the volume.  ``start``: the run whose state
+    this one goes on from, at time 0 again; a quasi-static one is at rest.
     """
 
     bodies = ()  # no material points
@@ -38,10 +40,12 @@ class FiniteElements(Run):
                  solver: Mapping[str, object] | None = None, b_bar: bool = False,
                  start: FiniteElements | None = None):
         super().__init__("FE", grid, stepping)
-        self.material, self.reassemble, self.b_bar = material, reassemble, b_bar
+        self.material, self.b_bar = material, b_bar
+        self.reassemble = reassemble or material.kinematics is FINITE_STRAIN
         motion = self.motion = Motion(grid, stepping)
         self.displacement = fem.Function(grid.space, name="displacement")
-        density, λ, μ = (fem.Constant(grid.mesh, np.array(v)) for v in (material.density, *material.lame))
+        numbers = material.density, *material.kinematics.lame(material)
+        density, λ, μ = (fem.Constant(grid.mesh, np.array(v)) for v in numbers)
         self._lame = λ, μ
         scene = self.scene = Scene(grid, motion, density, grid.dx(metadata={"quadrature_degree": 3}))
         internal = [elasticity(scene, λ, μ, self.displacement, b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
@@ -50,10 +54,20 @@ class FiniteElements(Run):
             direct = "mumps" if grid.comm.size > 1 else "petsc"
             solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": direct,
                       **(solver or {})}
-        self.yielding = YieldingElements(motion, GaussPoints(grid, b_bar), material) if material.history else None
+        self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
         if start is not None:
             self._go_on_from(start)
+
+    def _can_yield(self) -> Yielding | None:
+        """What yielding or finite strain adds to the step, where the material is of that kind."""
+        if self.material.kinematics is FINITE_STRAIN:
+            if self.b_bar:
+                raise ValueError(f"b_bar is for small strain only, got {self.material!r}")
+            return FiniteStrainElements(self.motion, GaussPoints(self.grid), self.material)
+        if not self.material.history:
+            return None
+        return YieldingElements(self.motion, GaussPoints(self.grid, self.b_bar), self.material)
 
     def step(self) -> None:
         """One step of length ``stepping.dt``.  Raises ``RunError`` naming step and time."""

@@ -55,6 +55,21 @@ def plastic_stiffness(tangent, u, w):
     return inner(symmetric(tangent) * row(strain(u)), row(strain(w)))
 
 
+def flat(tensor):
+    """Components of a tensor, row by row, as a vector."""
+    return as_vector([tensor[index] for index in np.ndindex(tensor.ufl_shape)])
+
+
+def nominal_work(stress, w):
+    """Virtual work of the first Piola-Kirchhoff stress given as a row of numbers (Pa)."""
+    return inner(stress, flat(grad(w)))
+
+
+def nominal_stiffness(tangent, u, w):
+    """Its derivative, ``tangent`` the upper triangle of ∂P/∂F (Pa)."""
+    return inner(symmetric(tangent) * flat(grad(u)), flat(grad(w)))
+
+
 def inertia(density, acceleration, w):
     """Virtual work of inertia, eq. (6)."""
     return inner(density * acceleration, w)

@@ -83,6 +83,11 @@ class GaussPoints:
         _strain(self._nodes, self._slopes, self._mean, self._shear, u, out)
         return out
 
+    def gradient(self, u: np.ndarray) -> np.ndarray:
+        """Gradients (points, dim, dim) of nodal displacements (nodes, dim)."""
+        dim = self.grid.dim
+        return np.matmul(u[self._nodes].transpose(0, 2, 1)[:, None], self._slopes).reshape(-1, dim, dim)
+
     def mean_divergence(self, u: np.ndarray) -> np.ndarray:
         """Mean volumetric strain of each cell (cells,)."""
         return np.einsum("cki,cki->c", self._mean, u[self._nodes])

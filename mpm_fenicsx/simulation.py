@@ -9,6 +9,7 @@ import numpy as np
 from . import tensors
 from .composite import Composite
 from .equilibrium import Equilibrium
+from .finite_strain import finite_strain_of
 from .gauss import GaussPoints
 from .grid import Grid
 from .mapping import DM_GC
@@ -119,7 +120,7 @@ class Simulation(Run):
         """Density and Lamé's constants of the points onto the grid's discontinuous fields."""
         self.projection.clear()
         for body, stencil in zip(self.bodies, self.stencils, strict=True):
-            λ, μ = body.material.lame
+            λ, μ = body.material.kinematics.lame(body.material)
             self.projection.add(stencil, np.stack((body.mass, body.volume * λ, body.volume * μ), axis=1))
         self.projection.finish()
         if self.yielding is not None:
@@ -144,10 +145,8 @@ class Simulation(Run):
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             smooth = stencil.gradient_at_points(u)
             gradient = self.composite.gradient_at_points(body.x, cell, u) if self.composite else smooth
-            strain, state = tensors.strain(gradient), (body.stress, body.history, body.size)
-            if self.gauss is not None:
-                strain = tensors.dilate(strain, stencil.mean_of_cells(self.gauss.mean_divergence(u)))
-            body.stress, body.history = body.material.respond(strain, *state)
+            volumetric = stencil.mean_of_cells(self.gauss.mean_divergence(u)) if self.gauss is not None else None
+            body.material.kinematics.respond(body, gradient, volumetric)
             if self.stepping.dynamic:
                 self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping.dt)
             try:
@@ -187,9 +186,9 @@ class Simulation(Run):
 
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's points."""
-        found = {"plastic": sum(float(body.volume @ body.material.plastic_work(body.history, body.size))
+        found = {"plastic": sum(body.material.kinematics.plastic_work(body)
                                 for body in self.bodies if body.material.history)}
-        found["strain"] = sum(float(body.volume @ body.material.energy(body.stress)) for body in self.bodies)
+        found["strain"] = sum(body.material.kinematics.energy(body) for body in self.bodies)
         if self.stepping.dynamic:
             found["kinetic"] = sum(0.5 * float(body.mass @ (body.velocity**2).sum(axis=1)) for body in self.bodies)
         return found
@@ -202,7 +201,12 @@ class Simulation(Run):
         return nodal, {}
 
     def _can_yield(self) -> Yielding | None:
-        """What yielding adds to the step, where some body can."""
+        """What yielding or finite strain adds to the step, where there is a body of that kind."""
+        finite = finite_strain_of(self.motion, self.bodies, self.stencils, self.mapping.integrate, self._recover)
+        if finite is not None:
+            if self.gauss is not None:
+                raise ValueError("b_bar is for small strain only, and a body is of finite strain")
+            return finite
         if not any(body.material.history for body in self.bodies):
             return None
         if self.mapping.integrate is DOUBLE_MAPPED:

@@ -23,6 +23,8 @@ from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
 from .shapes import Stencil
 
+PLACE = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)  # of the Gauss points along a direction
+
 
 @jit
 def _count(side):
@@ -73,11 +75,21 @@ def _pair(side, span, share, cell, volume, neighbour, dual, place, digit, corner
 
 
 @jit
-def _add(gauss, weight, values, out):
+def add(gauss, weight, values, out):
     """out_g += w q for the pairs' values (m, f)."""
     for m in range(len(gauss)):
         for f in range(values.shape[1]):
             out[gauss[m], f] += weight[m] * values[m, f]
+
+
+def pairs_of(gauss: GaussPoints, body: MaterialPoints, at: Stencil) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (m,), Gauss points that they reach (m,) and w_gp (m,), for the points where they are now."""
+    lat = gauss.grid.lattice
+    most = _count(at.side) * gauss.digit.shape[1]
+    point, where, weight = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
+    found = _pair(at.side, at.span, at.share, at.cell, body.volume, lat.neighbour, DOUBLE_MAPPED.dual, PLACE,
+                  gauss.digit, digits(2, gauss.grid.dim), lat.volume, point, where, weight)
+    return point[:found], where[:found], weight[:found]
 
 
 class Yielding:
@@ -149,22 +161,13 @@ class YieldingPoints(YieldingAtGaussPoints):
     def __init__(self, motion: Motion, gauss: GaussPoints, bodies: Sequence[MaterialPoints],
                  stencils: Sequence[Stencil]):
         super().__init__(motion, gauss)
-        self._dual, self._corners = DOUBLE_MAPPED.dual, digits(2, motion.grid.dim)
-        self._place = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
         self._bodies = [(body, stencil) for body, stencil in zip(bodies, stencils, strict=True)
                         if body.material.history]
         self._pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def place(self) -> None:
         """Find the pairs for the points where they are now."""
-        lat = self.motion.grid.lattice
-        self._pairs = []
-        for body, at in self._bodies:
-            most = _count(at.side) * self.gauss.digit.shape[1]
-            point, where, weight = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
-            found = _pair(at.side, at.span, at.share, at.cell, body.volume, lat.neighbour, self._dual, self._place,
-                          self.gauss.digit, self._corners, lat.volume, point, where, weight)
-            self._pairs.append((point[:found], where[:found], weight[:found]))
+        self._pairs = [pairs_of(self.gauss, body, at) for body, at in self._bodies]
 
     def _respond(self, u: np.ndarray) -> None:
         strain = self.gauss.strain(u)
@@ -173,8 +176,8 @@ class YieldingPoints(YieldingAtGaussPoints):
             rows, stress, tangent = self._law(body.material, strain, state, where, point)
             if len(rows):
                 self.active = True
-                _add(where[rows], weight[rows], stress[:, self._plane], self.stress.rows)
-                _add(where[rows], weight[rows], tangent, self.tangent.rows)
+                add(where[rows], weight[rows], stress[:, self._plane], self.stress.rows)
+                add(where[rows], weight[rows], tangent, self.tangent.rows)
         self.stress.gather()
         self.tangent.gather()
 

@@ -1,6 +1,7 @@
 """Constitutive laws: parameters in a frozen dataclass, ``respond`` and ``tangent`` for a batch of points."""
 
 from .elastic import LinearElastic
+from .hencky import Hencky
 from .von_mises import VonMises
 
-__all__ = ["LinearElastic", "VonMises"]
+__all__ = ["Hencky", "LinearElastic", "VonMises"]

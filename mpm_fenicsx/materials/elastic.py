@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..checks import between, positive
+from ..kinematics import SMALL_STRAIN
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class LinearElastic:
 
     history = ()
     length = None
+    kinematics = SMALL_STRAIN
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "young", positive("young", self.young))
@@ -53,6 +55,13 @@ class LinearElastic:
         new[:, :3] += 2 * μ * strain[:, :3] + λ * strain[:, :3].sum(axis=1, keepdims=True)
         new[:, 3:] += μ * strain[:, 3:]
         return new
+
+    def strain(self, stress: np.ndarray) -> np.ndarray:
+        """Elastic strain C⁻¹ : σ, rows (n, components), of stress rows, Pa."""
+        E, ν = self.young, self.poisson
+        row = stress * (2 * (1 + ν) / E)
+        row[:, :3] = ((1 + ν) * stress[:, :3] - ν * stress[:, :3].sum(axis=1, keepdims=True)) / E
+        return row
 
     def energy(self, stress: np.ndarray) -> np.ndarray:
         """Elastic energy per volume ½ σ : C⁻¹ : σ (n,), J/m³, of stress rows (n, components)."""

@@ -175,8 +175,8 @@ class VonMises:
             limit = f"√3 G = {SQRT3 * self.lame[1]}"
             raise ValueError(f"softening must stay below {limit}, where a point snaps back, got {self.softening}")
 
-    density, young, poisson, lame, p_speed, s_speed = (
-        property(attrgetter(f"elastic.{name}")) for name in "density young poisson lame p_speed s_speed".split())
+    density, young, poisson, lame, p_speed, s_speed, kinematics, strain = (property(attrgetter(
+        f"elastic.{name}")) for name in "density young poisson lame p_speed s_speed kinematics strain".split())
 
     def modulus(self, size: np.ndarray | float | None = None) -> np.ndarray:
         """Softening modulus (n,) or (1,), Pa, of points of ``size`` (m).

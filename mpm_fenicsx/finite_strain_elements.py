@@ -1,0 +1,69 @@
+"""Finite strain of finite elements, the reference being the mesh at rest (total Lagrangian)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from . import tensors
+from .finite_strain import FiniteStrainAtGaussPoints, product
+from .gauss import GaussPoints
+from .kinematics import FINITE_STRAIN
+from .motion import Motion
+
+
+class FiniteStrainElements(FiniteStrainAtGaussPoints):
+    """The response of finite elements: ∫ P : ∇w over the mesh, which does not move.
+
+    Gauss points carry Cauchy's ``state`` (points, components), Pa, the deformation F and the material's history.
+    """
+
+    def __init__(self, motion: Motion, gauss: GaussPoints, material):
+        super().__init__(motion, gauss)
+        self.material, dim = material, motion.grid.dim
+        self.state = np.zeros((len(gauss), tensors.components(dim)))
+        self.deformation = np.tile(np.eye(dim), (len(gauss), 1, 1))
+        self.history = np.zeros((len(gauss), len(material.history)))
+        self.size = gauss.size if material.length else None
+        self._all = np.arange(len(gauss), dtype=np.int32)
+        self._one = np.ones(len(gauss))
+        self._start()
+
+    def _start(self) -> None:
+        self._kirchhoff = np.linalg.det(self.deformation)[:, None] * self.state
+        self._before = FINITE_STRAIN.state(self.material, self._kirchhoff)
+
+    def _step(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """F at the end of the step, and its part f in the step."""
+        F = self.deformation + self.gauss.gradient(u)
+        return F, F @ np.linalg.inv(self.deformation)
+
+    def _respond(self, u: np.ndarray) -> None:
+        F, f = self._step(u)
+        states = self._before, self._one, self.history, self.size
+        self.stress.rows[:], self.tangent.rows[:] = self._response(self.material, states, f, F, self._all, self._all)
+
+    def _linear(self, u: np.ndarray) -> None:
+        self.stress.rows[:] += product(self.tangent.rows, self.gauss.gradient(u))
+
+    def take(self, other: FiniteStrainElements) -> None:
+        """Go on from another run's state."""
+        self.state, self.deformation, self.history = (
+            a.copy() for a in (other.state, other.deformation, other.history))
+        self._start()
+
+    def carry(self) -> None:
+        """State at the end of the step."""
+        F, f = self._step(self.motion.nodal(self.motion.u))
+        strain, *_ = FINITE_STRAIN.trial(self._before, f, self._all, self._all)
+        τ, self.history = self.material.respond(strain, np.zeros_like(strain), self.history, self.size)
+        self.deformation, self.state = F, τ / np.linalg.det(F)[:, None]
+        self._start()
+
+    def energy(self, cells: int) -> dict[str, float]:
+        """Strain energy and plastic work (J) of the first ``cells`` cells."""
+        count = cells * self.gauss.digit.shape[1]
+        volume, size = self.gauss.volume[:count], None if self.size is None else self.size[:count]
+        found = {"strain": float(volume @ self.material.energy(self._kirchhoff[:count]))}
+        if self.material.history:
+            found["plastic"] = float(volume @ self.material.plastic_work(self.history[:count], size))
+        return found
