@@ -109,7 +109,8 @@ class Traction:
 class Gravity:
     """Body force per mass (m/s²): ``g`` is (dim,) numbers or a function of t, or of t and x (n, dim).
 
-    What depends on place is taken at the nodes, and is linear between them.
+    What depends on place is taken at the nodes, and is linear between them; for material points a node is where the
+    material was at the start of the step.
     """
 
     g: Callable | tuple[float, ...]
@@ -119,19 +120,23 @@ class Gravity:
         motion, grid = scene.motion, scene.grid
         function, placed = as_load("g of Gravity", self.g, grid.dim)
         x = grid.space.tabulate_dof_coordinates()[:, : grid.dim] if placed else np.zeros((1, grid.dim))
-        g, mean = (fem.Function(grid.space) if placed else fem.Constant(grid.mesh, np.zeros(grid.dim))
-                   for _ in range(2))
 
-        def put(f, value: np.ndarray) -> None:
-            (motion.nodal(f) if placed else f.value)[:] = value
+        def coefficient(value: Callable[[float, float], np.ndarray]):
+            f = fem.Function(grid.space) if placed else fem.Constant(grid.mesh, np.zeros(grid.dim))
 
-        def refresh(start: float, end: float) -> None:
-            put(g, function(end, x))
-            put(mean, 0.5 * (function(start, x) + function(end, x)))
+            def refresh(start: float, end: float) -> None:
+                (motion.nodal(f) if placed else f.value)[:] = value(start, end)
 
-        scene.before.append(refresh)
+            scene.before.append(refresh)
+            return f
+
+        def energy() -> dict[str, object]:
+            mean = coefficient(lambda start, end: 0.5 * (function(start, x) + function(end, x)))
+            return {"work": forms.load(scene.density * mean, motion.u) * scene.dx}
+
+        g = coefficient(lambda _, end: function(end, x))
         work = -forms.load(scene.density * g, motion.w) * scene.dx
-        return Contribution(work, lambda: {"work": forms.load(scene.density * mean, motion.u) * scene.dx}, work)
+        return Contribution(work, energy, work)
 
 
 @dataclass(frozen=True)
