@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from mpm_fenicsx.exact import Column, relative_error
+from mpm_fenicsx.exact import Bar, Column, relative_error
 
 L, C, RHO = 10.0, 100.0, 2000.0
 Z, TRAVEL = RHO * C, L / C
@@ -87,3 +87,47 @@ def test_displacement_is_the_integral_of_velocity():
 def test_relative_error():
     assert relative_error([1.0, 2.0], np.array([1.0, 2.0])) == 0.0
     assert relative_error([0.0, 0.0], np.array([3.0, 4.0])) == 1.0
+
+
+# -- the bar that moves as told ---------------------------------------------------------------------------------------
+
+BARS = [Bar(2.0, 1e6, 1000.0, amplitude, drift, free, hencky) for amplitude, drift, free, hencky in (
+    (1e-6, 0.0, False, False), (1e-6, 3.0, True, False), (0.1, 0.0, False, True), (0.1, 3.0, True, True))]
+
+
+def derivative(f, at, step):
+    """Fourth-order central difference."""
+    return (8 * (f(at + step) - f(at - step)) - (f(at + 2 * step) - f(at - 2 * step))) / (12 * step)
+
+
+@pytest.mark.parametrize("bar", BARS)
+def test_the_bars_momentum_balances(bar):
+    """ρ ẍ = ∂P/∂X + ρ b, all derivatives taken numerically, P from Cauchy's stress: in one dimension P = σ."""
+    X, t = np.linspace(0.1, 1.9, 7), 0.017
+    δX, δt = 1e-3 * bar.length, 1e-3 * bar.period
+    np.testing.assert_allclose(derivative(lambda t: bar.displacement(X, t), t, δt), bar.velocity(X, t), rtol=1e-7)
+    np.testing.assert_allclose(1 + derivative(lambda X: bar.displacement(X, t), X, δX), bar.stretch(X, t), rtol=1e-7)
+    acceleration = derivative(lambda t: bar.velocity(X, t), t, δt)
+    force = acceleration - derivative(lambda X: bar.stress(X, t), X, δX) / bar.density
+    scale = np.abs(acceleration).max()
+    np.testing.assert_allclose(bar.body_force(X, t) / scale, force / scale, rtol=0, atol=1e-7)
+    F = bar.stretch(X, t)
+    law = bar.young * (np.log(F) / F if bar.hencky else F - 1)  # J = F: τ = F σ = E ln F
+    np.testing.assert_allclose(bar.stress(X, t), law, rtol=1e-9, atol=1e-15 * bar.young)
+
+
+@pytest.mark.parametrize("bar", BARS)
+def test_the_bar_starts_undeformed_and_its_ends_rest_or_bear_nothing(bar):
+    ends, t = np.array([0.0, bar.length]), 0.4 * bar.period
+    inside = bar.length * np.linspace(0.05, 0.95, 9)
+    assert np.abs(bar.displacement(inside, 0.0)).max() == np.abs(bar.stress(inside, 0.0)).max() == 0.0
+    assert np.abs(bar.velocity(inside, 0.0)).max() == pytest.approx(np.pi / 2 * bar.speed * bar.amplitude, rel=0.3)
+    resting = bar.stress if bar.free else bar.displacement
+    assert np.abs(resting(ends, t)).max() < 1e-14 * np.abs(resting(inside, t)).max() * 10
+
+
+@pytest.mark.parametrize("bar", BARS)
+def test_a_particle_is_found_where_it_went(bar):
+    X = np.linspace(-0.2, 2.2, 41)
+    for t in (0.0, 0.3 * bar.period, bar.period):
+        np.testing.assert_allclose(bar.particle(X + bar.displacement(X, t) + bar.drift * t, t), X, rtol=0, atol=1e-13)
