@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .grid import Grid
-from .kernels import jit
+from .kernels import interpolate_gradient, jit, once
 
 
 class Composite:
@@ -30,10 +30,11 @@ class Composite:
 
     def gradient_at_points(self, x: np.ndarray, cell: np.ndarray, nodal: np.ndarray) -> np.ndarray:
         """Gradients (n, dim, dim) at points x (n, dim) in cells (n,) of nodal vectors (nodes, dim)."""
-        lat = self.grid.lattice
-        out = np.empty((len(x), self.grid.dim, self.grid.dim))
-        kernel = gradient_2d if self.grid.dim == 2 else gradient_3d
-        kernel(x, cell, lat.lower, lat.upper, self.whole, self.power, lat.patch, nodal, out)
+        grid, lat = self.grid, self.grid.lattice
+        line, slope = (np.empty((len(x), grid.dim, 4)) for _ in range(2))
+        first, out = np.empty(len(x), np.uint64), np.empty((len(x), grid.dim, grid.dim))
+        polynomials(grid.axes, x, cell, lat.lower, lat.upper, self.whole, self.power, first, line, slope)
+        interpolate_gradient(grid.axes, once(4), lat.around, first, line, slope, nodal, out)
         return out
 
 
@@ -97,64 +98,19 @@ def patch_whole(filled, neighbour, extent, whole):
 
 
 @jit
-def along(power, t, h, whole, value, slope, across):
-    """Values, slopes (1/m) and values across at t of the four polynomials of a direction.
-
-    Across is linear where a corner of the patch has no material.
-    """
-    for i in range(4):
-        a0, a1, a2, a3 = power[i, 0], power[i, 1], power[i, 2], power[i, 3]
-        value[i] = a0 + t * (a1 + t * (a2 + t * a3))
-        slope[i] = (a1 + t * (2.0 * a2 + t * 3.0 * a3)) / h
-        across[i] = value[i] if whole else 0.0
-    if not whole:
-        across[1], across[2] = 1.0 - t, t
-
-
-@jit
-def gradient_2d(x, cell, lower, upper, whole, power, patch, field, out):
-    """Gradients (n, 2, 2) at points x of the composite interpolation of ``field`` (nodes, 2)."""
-    value, slope, across = np.zeros((2, 4)), np.zeros((2, 4)), np.zeros((2, 4))
+def polynomials(axes, x, cell, lower, upper, whole, power, first, line, slope):
+    """At points x: ``slope`` (n, dim, 4), 1/m, of the four polynomials of each direction; ``line``, their values,
+    which are those of linear functions where a corner of the patch has no material; ``first`` as in ``kernels``."""
+    dim = len(axes)
     for p in range(len(x)):
         c = cell[p]
-        for d in range(2):
-            h = upper[c, d] - lower[c, d]
-            along(power[c, d], (x[p, d] - lower[c, d]) / h, h, whole[c], value[d], slope[d], across[d])
-        xx = xy = yx = yy = 0.0
-        for j in range(4):
-            ux = uy = sx = sy = 0.0
+        first[p] = c * 4**dim
+        for d in range(dim):
+            per_h = 1.0 / (upper[c, d] - lower[c, d])
+            t = (x[p, d] - lower[c, d]) * per_h
             for i in range(4):
-                node = patch[c, i + 4 * j]
-                if node >= 0:
-                    ux += across[0, i] * field[node, 0]
-                    uy += across[0, i] * field[node, 1]
-                    sx += slope[0, i] * field[node, 0]
-                    sy += slope[0, i] * field[node, 1]
-            xx += across[1, j] * sx
-            yx += across[1, j] * sy
-            xy += slope[1, j] * ux
-            yy += slope[1, j] * uy
-        out[p, 0, 0], out[p, 0, 1], out[p, 1, 0], out[p, 1, 1] = xx, xy, yx, yy
-
-
-@jit
-def gradient_3d(x, cell, lower, upper, whole, power, patch, field, out):
-    """Gradients (n, 3, 3) at points x of the composite interpolation of ``field`` (nodes, 3)."""
-    value, slope, across = np.zeros((3, 4)), np.zeros((3, 4)), np.zeros((3, 4))
-    for p in range(len(x)):
-        c = cell[p]
-        for d in range(3):
-            h = upper[c, d] - lower[c, d]
-            along(power[c, d], (x[p, d] - lower[c, d]) / h, h, whole[c], value[d], slope[d], across[d])
-        out[p] = 0.0
-        for k in range(4):
-            for j in range(4):
-                y, z, flat = slope[1, j] * across[2, k], across[1, j] * slope[2, k], across[1, j] * across[2, k]
-                for i in range(4):
-                    node = patch[c, i + 4 * j + 16 * k]
-                    if node >= 0:
-                        gx, gy, gz = slope[0, i] * flat, across[0, i] * y, across[0, i] * z
-                        for e in range(3):
-                            out[p, e, 0] += gx * field[node, e]
-                            out[p, e, 1] += gy * field[node, e]
-                            out[p, e, 2] += gz * field[node, e]
+                a0, a1, a2, a3 = power[c, d, i, 0], power[c, d, i, 1], power[c, d, i, 2], power[c, d, i, 3]
+                slope[p, d, i] = (a1 + t * (2.0 * a2 + t * 3.0 * a3)) * per_h
+                line[p, d, i] = a0 + t * (a1 + t * (a2 + t * a3)) if whole[c] else 0.0
+            if not whole[c]:
+                line[p, d, 1], line[p, d, 2] = 1.0 - t, t

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -26,6 +27,11 @@ class Lattice:
     neighbour: np.ndarray
     patch: np.ndarray
     volume: np.ndarray
+
+    @cached_property
+    def around(self) -> np.ndarray:
+        """The patches one after the other, for the compiled loops: without sign, and 0 where there is no node."""
+        return np.maximum(self.patch, 0).astype(np.uint32).ravel()
 
 
 def beside(lower: np.ndarray, upper: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

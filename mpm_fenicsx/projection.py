@@ -16,6 +16,7 @@ from dolfinx import fem
 
 from . import fenicsx, kernels
 from .grid import Grid
+from .kernels import jit, once
 from .shapes import Stencil
 
 
@@ -73,9 +74,7 @@ class Projection:
         self.grid, self.integration = grid, integration
         V = fenicsx.space(grid.mesh, "DQ", integration.degree)
         self.fields = [fem.Function(V) for _ in range(fields)]
-        self.dofs = grid.tensor_order(V, integration.degree)
-        self._table = kernels.digits(integration.degree + 1, grid.dim)
-        self._corners = kernels.digits(2, grid.dim)
+        self.dofs = grid.tensor_order(V, integration.degree).astype(np.uint32)
         self._sums = np.zeros((len(self.fields[0].x.array) if fields else 0, fields))
 
     def clear(self) -> None:
@@ -85,12 +84,49 @@ class Projection:
     def add(self, stencil: Stencil, values: np.ndarray) -> None:
         """Add volume-weighted values V_p q_p (n, fields) of the points of a stencil."""
         lat = self.grid.lattice
-        kernels.project(
-            self.grid.axes, stencil.side, stencil.span, stencil.share, stencil.cell, lat.volume, lat.neighbour,
-            self.integration.dual, self._corners, self._table, self.dofs, values, self._sums)
+        dual = self.integration.dual
+        _project(self.grid.axes, once(len(dual)), once(values.shape[1]), stencil.side, stencil.span, stencil.share,
+                 stencil.cell, lat.volume, lat.neighbour, dual, self.dofs, values, self._sums)
 
     def finish(self) -> None:
         """Set the fields to the sums, over all ranks."""
         for k, f in enumerate(self.fields):
             f.x.array[:] = self._sums[:, k]
             fenicsx.gather(f)
+
+
+@jit
+def _project(axes, nodes, columns, side, span, share, cell, volume, neighbour, dual, dofs, values, out):
+    """Cell by cell, add each point's values to the dofs of a discontinuous field.
+
+    out_ck += q_p / |c| ∏_d Σ_j dual_kj ⟨ξ^j⟩, the mean of ξ^j taken over the segment of the support domain in c.
+    ``values`` (n, columns) are volume-weighted; ``dofs`` (cells, nodes^dim), x fastest; ``out`` (dofs, columns).
+    """
+    dim, n = len(axes), len(nodes)
+    line = np.empty((dim, 2, n))
+    for p in range(len(cell)):
+        for d in range(dim):
+            for s in range(2 if side[p, d] != 0 else 1):
+                a, b = span[p, d, s, 0], span[p, d, s, 1]
+                for j in range(n):
+                    w = dual[j, 0] + dual[j, 1] * 0.5 * (a + b)
+                    if n == 3:
+                        w += dual[j, 2] * (a * a + a * b + b * b) / 3.0
+                    line[d, s, j] = share[p, d, s] * w
+        for r in range(2 if dim == 3 and side[p, 2] != 0 else 1):
+            above = cell[p] if r == 0 else neighbour[cell[p], 2, (side[p, 2] + 1) // 2]
+            for s in range(2 if side[p, 1] != 0 and above >= 0 else 1):
+                beside = above if s == 0 else neighbour[above, 1, (side[p, 1] + 1) // 2]
+                for t in range(2 if side[p, 0] != 0 and beside >= 0 else 1):
+                    c = beside if t == 0 else neighbour[beside, 0, (side[p, 0] + 1) // 2]
+                    if c < 0:
+                        continue
+                    per_volume = 1.0 / volume[c]
+                    for k in range(n if dim == 3 else 1):
+                        for j in range(n):
+                            across = per_volume * line[1, s, j] * (line[2, r, k] if dim == 3 else 1.0)
+                            for i in range(n):
+                                w = across * line[0, t, i]
+                                dof = dofs[np.uint64(c), np.uint64(i + n * (j + n * k))]
+                                for f in range(len(columns)):
+                                    out[dof, f] += w * values[p, f]

@@ -39,8 +39,7 @@ class Deposit:
         nodal = self._sums.x.array.reshape(grid.nodes, -1)
         nodal[:] = 0.0
         for body, stencil in zip(bodies, stencils, strict=True):
-            mass = body.mass[:, None]
-            stencil.deposit(np.hstack((mass, mass * body.velocity, mass * body.acceleration)), nodal)
+            stencil.deposit_motion(body.mass, body.velocity, body.acceleration, nodal)
         fenicsx.gather(self._sums)
         _divide(nodal, nodal[:, :1].copy())
         if self.sweeps:

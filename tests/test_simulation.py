@@ -260,7 +260,7 @@ def test_a_step_compiles_and_allocates_nothing(mapping, stepping, monkeypatch):
         fields = [*run.projection.fields, run.motion.u, eq.force, eq.matrix, eq.ksp]
         if stepping.dynamic:
             fields += [run.motion.v, run.motion.a]
-        arrays = [a for s in run.stencils for a in (s.nodes, s.values, s.gradients, s.side, s.span, s.share)]
+        arrays = [a for s in run.stencils for a in (s.first, s.line, s.slope, s.side, s.span, s.share)]
         return [id(o) for o in fields], [a.ctypes.data for a in arrays], eq.matrix.getInfo()["mallocs"]
 
     for name in ("compile_form", "space", "create_matrix"):
