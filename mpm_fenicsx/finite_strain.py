@@ -34,21 +34,6 @@ class FiniteStrain(Yielding):
         super().__init__(motion)
         self._numbers = motion.grid.dim**2, len(np.triu_indices(motion.grid.dim**2)[0])
 
-    def clear(self) -> None:
-        """The response linear about the start of the step, at the motion's u."""
-        u = self.motion.nodal(self.motion.u)
-        self._respond(np.zeros_like(u))
-        if u.any():
-            self._linear(u)
-
-    def evaluate(self) -> bool:
-        """Refresh everything for the motion's u."""
-        self._respond(self.motion.nodal(self.motion.u))
-        return True
-
-    def _linear(self, u: np.ndarray) -> None:
-        raise NotImplementedError
-
     def _response(self, material, states, f: np.ndarray, F: np.ndarray, at: np.ndarray, of: np.ndarray):
         """P (m, dim²) and ∂P/∂F, its upper triangle, of pairs: deformation ``at`` and state ``of``.
 
@@ -90,6 +75,18 @@ class FiniteStrainAtGaussPoints(FiniteStrain):
         self.work = forms.nominal_work(self.stress.function, motion.w) * dx
         self.stiffness = forms.nominal_stiffness(self.tangent.function, trial, motion.w) * dx
 
+    def clear(self) -> None:
+        """The response linear about the start of the step, at the motion's u."""
+        u = self.motion.nodal(self.motion.u)
+        self._respond(np.zeros_like(u))
+        if u.any():
+            self.stress.rows += product(self.tangent.rows, self.gauss.gradient(u))
+
+    def evaluate(self) -> bool:
+        """Refresh everything for the motion's u."""
+        self._respond(self.motion.nodal(self.motion.u))
+        return True
+
 
 class FiniteStrainPoints(FiniteStrainAtGaussPoints):
     """The response of material points, double-mapped: each is asked at every Gauss point that it reaches."""
@@ -115,9 +112,6 @@ class FiniteStrainPoints(FiniteStrainAtGaussPoints):
         self.stress.gather()
         self.tangent.gather()
 
-    def _linear(self, u: np.ndarray) -> None:
-        self.stress.rows[:] = product(self.tangent.rows, self.gauss.gradient(u))
-
 
 def _chunks(*arrays: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
     for start in range(0, len(arrays[0]), CHUNK):
@@ -127,8 +121,10 @@ def _chunks(*arrays: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
 class FiniteStrainSums(FiniteStrain):
     """The response of material points where integrals are taken at the points, with the gradients they recover.
 
-    The tangent is projected, so that with linear shape functions it is the derivative of the sum, and with support
-    domains nearly so.  ``recover`` maps a body's number and nodal u to displacement gradients (n, dim, dim).
+    What is linear in u is a form, with the tangent at the start of the step, projected; what goes beyond is summed at
+    the points.  With linear shape functions both are point sums, and the matrix is the derivative.  With support
+    domains the form has the mean over the domain of ∇N ∇N, the points ∇S ∇S, so that the difference is left to the next
+    step.  ``recover`` maps nodal u to a body's displacement gradients (n, dim, dim).
     """
 
     def __init__(self, motion: Motion, bodies: Sequence[tuple[MaterialPoints, Stencil]],
@@ -137,37 +133,50 @@ class FiniteStrainSums(FiniteStrain):
         grid = motion.grid
         self._bodies, self._recover = bodies, recover
         self._force = np.zeros((grid.nodes, grid.dim))
-        self._tangent = Projection(grid, AT_POINTS, self._numbers[1])
-        self._moduli = [np.empty((len(body), self._numbers[1])) for body, _ in bodies]
+        self._start, self._tangent = (Projection(grid, AT_POINTS, self._numbers[1]) for _ in range(2))
         dx, trial = grid.dx(metadata={"quadrature_degree": AT_POINTS.quadrature}), ufl.TrialFunction(grid.space)
+        self.work = forms.nominal_stiffness(ufl.as_vector(self._start.fields), motion.u, motion.w) * dx
         self.stiffness = forms.nominal_stiffness(ufl.as_vector(self._tangent.fields), trial, motion.w) * dx
 
     def place(self) -> None:
         """Find the states before the step."""
         self._states = [states_of(body) for body, _ in self._bodies]
 
+    def clear(self) -> None:
+        """The response linear about the start of the step."""
+        self._linear = self._respond(np.zeros_like(self.motion.nodal(self.motion.u)))
+        for start, now in zip(self._start.fields, self._tangent.fields, strict=True):
+            start.x.array[:] = now.x.array
+        self._force[:] = 0.0
+
+    def evaluate(self) -> bool:
+        """Refresh everything for the motion's u."""
+        u = self.motion.nodal(self.motion.u)
+        self._respond(u)
+        for (body, stencil), recover, tangent in zip(self._bodies, self._recover, self._linear, strict=True):
+            self._deposit(body, stencil, -product(tangent, recover(u)))
+        return True
+
     def add_force(self, internal: np.ndarray) -> None:
-        """Add Σ_p V_p (P_p - σ_p) ∇S_ip."""
+        """Add Σ_p V_p (P_p - σ_p - A_p : ∇u) ∇S_ip."""
         internal += self._force.ravel()
 
-    def _respond(self, u: np.ndarray) -> None:
+    def _respond(self, u: np.ndarray) -> list[np.ndarray]:
         self._force[:] = 0.0
         self._tangent.clear()
-        every = zip(self._bodies, self._recover, self._states, self._moduli, strict=True)
-        for (body, stencil), recover, states, moduli in every:
+        tangents = []
+        for (body, stencil), recover, states in zip(self._bodies, self._recover, self._states, strict=True):
             f, rows = deformation(recover(u)), np.arange(len(body), dtype=np.int32)
-            before = tensors.matrix(body.stress, body.dim)
-            stress, moduli[:] = self._response(body.material, states, f, f, rows, rows)
-            force = body.volume[:, None, None] * (stress.reshape(before.shape) - before)
-            stencil.deposit_divergence(force, self._force)
-            self._tangent.add(stencil, body.volume[:, None] * moduli)
+            stress, tangent = self._response(body.material, states, f, f, rows, rows)
+            self._deposit(body, stencil, stress - tensors.matrix(body.stress, body.dim).reshape(stress.shape))
+            self._tangent.add(stencil, body.volume[:, None] * tangent)
+            tangents.append(tangent)
         self._tangent.finish()
+        return tangents
 
-    def _linear(self, u: np.ndarray) -> None:
-        for (body, stencil), recover, moduli in zip(self._bodies, self._recover, self._moduli, strict=True):
-            gradient = recover(u)
-            force = body.volume[:, None, None] * product(moduli, gradient).reshape(gradient.shape)
-            stencil.deposit_divergence(force, self._force)
+    def _deposit(self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray) -> None:
+        force = body.volume[:, None] * stress
+        stencil.deposit_divergence(force.reshape(len(body), body.dim, body.dim), self._force)
 
 
 def finite_strain_of(motion: Motion, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from . import tensors
-from .finite_strain import FiniteStrainAtGaussPoints, product
+from .finite_strain import FiniteStrainAtGaussPoints
 from .gauss import GaussPoints
 from .kinematics import FINITE_STRAIN
 from .motion import Motion
@@ -41,9 +41,6 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         F, f = self._step(u)
         states = self._before, self._one, self.history, self.size
         self.stress.rows[:], self.tangent.rows[:] = self._response(self.material, states, f, F, self._all, self._all)
-
-    def _linear(self, u: np.ndarray) -> None:
-        self.stress.rows[:] += product(self.tangent.rows, self.gauss.gradient(u))
 
     def take(self, other: FiniteStrainElements) -> None:
         """Go on from another run's state."""
