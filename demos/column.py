@@ -66,18 +66,19 @@ def terms(base, load, surface, grid):
             foot[base]()]
 
 
-def finite_elements(base, load, cell=0.25, step=dt):
-    """The twin: facets of the mesh bear the load and the dashpots."""
+def finite_elements(base, load, cell=0.25, step=dt, **options):
+    """The twin: facets of the mesh bear the load and the dashpots; ``options`` of ``FiniteElements``."""
     grid = Grid.box((0, 0), (1, height), cells=(round(1 / cell), round(height / cell)))
-    return FiniteElements(grid, soil, Newmark(step), terms(base, load, grid.facets, grid))
+    return FiniteElements(grid, soil, Newmark(step), terms(base, load, grid.facets, grid), **options)
 
 
-def material_points(base, load, mapping=DM_GC, cell=0.25, step=dt, per_cell=4):
-    """Material points: the column on a grid with room at the top, and for an absorbing base to drift."""
+def material_points(base, load, mapping=DM_GC, cell=0.25, step=dt, per_cell=4, **options):
+    """Material points: the column on a grid with room at the top, and for an absorbing base to drift; ``options`` of
+    ``Simulation``."""
     bottom = 0 if base == "fixed" else -1
     grid = Grid.box((0, bottom), (1, height + 1), cells=(round(1 / cell), round((height + 1 - bottom) / cell)))
     points = MaterialPoints.fill(grid, soil, per_cell, inside=lambda x: (x[1] > 0) & (x[1] < height))
-    return Simulation(grid, points, Newmark(step), terms(base, load, points.surface, grid), mapping)
+    return Simulation(grid, points, Newmark(step), terms(base, load, points.surface, grid), mapping, **options)
 
 
 def answer(base, load):
