@@ -1,0 +1,106 @@
+"""Case 13: a body's edge lies 1e-2 … 1e-8 of a cell beyond a grid line, under a traction that misses its stress by 1 %.
+
+Exact in statics: the stress becomes the traction's, and the edge moves by the strain of the difference.
+"""
+
+import dense
+import numpy as np
+import pytest
+
+from mpm_fenicsx import MAPPINGS, Fixed, Grid, MaterialPoints, Newmark, QuasiStatic, Simulation, Traction
+
+pytestmark = pytest.mark.validation
+
+SOIL, H, N, STRESS, MISS = dense.SOIL, 0.25, 4, 100e3, 0.01
+CUTS = (1e-2, 1e-4, 1e-6, 1e-8)
+MAPPED = pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+LOST = "points without extent do not reach the cut cell: of the traction on it, the part `cut` falls on empty nodes"
+
+
+def block(mapping, cut, stepping):
+    """A block in even tension, N + cut cells wide and high, smooth walls to the left and below, or free in dynamics."""
+    beyond = 2 * H if stepping.dynamic else 0.0
+    grid = Grid.box((-beyond, -beyond), ((N + 2) * H, (N + 2) * H), [N + (4 if stepping.dynamic else 2)] * 2)
+    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: ((x > 0) & (x < N * H)).all(axis=0))
+    if stepping.dynamic:
+        body.x += cut * H
+    else:  # a little larger, to end there
+        factor = 1 + cut / N
+        body = MaterialPoints(SOIL, factor * body.x, factor * body.half, factor**2 * body.volume, exposed=body.exposed)
+    body.stress[:, :3] = STRESS * np.array([1.0, 1.0, 2 * SOIL.poisson])
+    pulls = {"right": 1 + MISS, "top": 1 + MISS}
+    if stepping.dynamic:
+        terms, pulls = [], pulls | {"left": 1.0, "bottom": 1.0}
+    else:
+        terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
+    surfaces = {side: body.surface(side) for side in pulls}
+    terms += [Traction(on, tuple(pulls[side] * STRESS * on.normal[0])) for side, on in surfaces.items()]
+    return Simulation(grid, body, stepping, terms, mapping), body, surfaces
+
+
+def condition(run):
+    """Condition number of the matrix with unit diagonal, nodes without material left out."""
+    run.locate()
+    run.project()
+    run.scene.prepare(0.0, 0.0)
+    run.equilibrium.assemble_tangent()
+    real = ~run.equilibrium.idle
+    A = dense.dense(run.equilibrium.matrix)[np.ix_(real, real)]
+    scale = 1 / np.sqrt(A.diagonal())
+    value = np.linalg.eigvalsh(scale[:, None] * A * scale)
+    return value[-1] / value[0]
+
+
+@MAPPED
+def test_stress_and_displacement_are_those_of_the_traction(mapping, record):
+    """The error is relative to what the 1 % does; the cut itself is worth ``cut`` cells of N."""
+    λ, μ = SOIL.lame
+    moved = MISS * STRESS / (2 * (λ + μ)) * N * H
+    error = {}
+    for cut in CUTS:
+        run, body, surfaces = block(mapping, cut, QuasiStatic(1))
+        before = {side: on.x.copy() for side, on in surfaces.items()}
+        run.until(1.0)
+        far = max(np.abs(on.x - before[side]).max() for side, on in surfaces.items())
+        off = np.abs(body.stress[:, :2] / STRESS - 1 - MISS).max() / MISS
+        error[cut] = max(abs(far / moved - 1), off)
+    reason = "" if mapping.support else LOST
+    record("13 small cut, 1e-2 … 1e-8 of a cell, statics", mapping, max(error.values()), reason)
+    if mapping.support:
+        assert error[1e-2] < 0.05
+        for cut in CUTS[1:]:
+            assert error[cut] < 3 * cut
+    else:
+        assert error[1e-2] > 1.0
+        assert error[1e-8] < 1e-5
+
+
+@MAPPED
+def test_the_scaled_matrix_stays_well_conditioned(mapping, record):
+    """Whatever the cut it is that of the whole block: the ratio of the two is asked for."""
+    for name, stepping in (("statics", QuasiStatic(1)), ("Courant 0.5", Newmark(0.5 * H / SOIL.p_speed))):
+        whole, *cut = (condition(block(mapping, cut, stepping)[0]) for cut in (0.0, *CUTS))
+        change = np.abs(np.array(cut) / whole - 1).max()
+        record(f"13 small cut, change of the scaled matrix's condition, {name}", mapping, change)
+        assert change < 0.02
+        assert whole < (60 if name == "statics" else 10)
+
+
+@MAPPED
+def test_nothing_is_lost(mapping, record):
+    """Momentum is the impulse of the 1 % (its pull ramps up in the first step), but for what the edge stretches."""
+    steps, stepping = 10, Newmark(0.5 * H / SOIL.p_speed)
+    impulse = MISS * STRESS * N * H * (steps - 0.5) * stepping.dt
+    error = []
+    for cut in CUTS:
+        run, body, _ = block(mapping, cut, stepping)
+        mass = body.mass.sum()
+        for _ in range(steps):
+            run.step()
+        assert body.mass.sum() == mass
+        error.append(np.abs(body.mass @ body.velocity / impulse - 1).max())
+    record("13 small cut, momentum after 10 steps", mapping, max(error), "" if mapping.support else LOST)
+    if mapping.support:
+        assert max(error) < 3e-3
+    else:
+        assert error[0] > 0.9
