@@ -130,9 +130,9 @@ def share(f: fem.Function) -> None:
         f.x.scatter_forward()
 
 
-def create_matrix(form):
-    """PETSc matrix with the sparsity of ``form``."""
-    return fem.petsc.create_matrix(_parts(form)[0])
+def create_matrix(form, kind: str | None = None):
+    """PETSc matrix with the sparsity of ``form``; ``kind`` is PETSc's name of the format, "baij" for dense blocks."""
+    return fem.petsc.create_matrix(_parts(form)[0], kind)
 
 
 def assemble_matrix(A, form, bcs) -> None:

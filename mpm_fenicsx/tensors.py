@@ -46,9 +46,10 @@ def matrix(stress: np.ndarray, dim: int) -> np.ndarray:
 
 def stretch(gradient: np.ndarray) -> np.ndarray:
     """det(I + gradient) (n,) of displacement gradients (n, dim, dim)."""
-    F = np.moveaxis(gradient, 0, -1) + np.eye(gradient.shape[1])[:, :, None]
-    if len(F) == 2:
-        return F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
+    if gradient.shape[1] == 2:
+        xx, xy, yx, yy = gradient.reshape(-1, 4).T
+        return (1.0 + xx) * (1.0 + yy) - xy * yx
+    F = np.moveaxis(gradient, 0, -1) + np.eye(3)[:, :, None]
     return np.einsum("in,in->n", F[0], np.cross(F[1], F[2], axis=0))
 
 

@@ -57,8 +57,8 @@ class Deposit:
 
 def _divide(nodal: np.ndarray, mass: np.ndarray) -> None:
     """Divide nodal values (nodes, f) by nodal mass (nodes, 1); zero where there is none."""
-    np.divide(nodal, mass, out=nodal, where=mass > 0.0)
-    nodal[mass[:, 0] <= 0.0] = 0.0
+    there = mass > 0.0
+    nodal *= np.divide(there, np.where(there, mass, 1.0))
 
 
 def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, dt: float) -> None:

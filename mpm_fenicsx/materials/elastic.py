@@ -52,8 +52,9 @@ class LinearElastic:
         """Stress rows (n, components), Pa, after the strain increments ``strain`` (n, components)."""
         λ, μ = self.lame
         new = stress.copy()
-        new[:, :3] += 2 * μ * strain[:, :3] + λ * strain[:, :3].sum(axis=1, keepdims=True)
-        new[:, 3:] += μ * strain[:, 3:]
+        mean = λ * (strain[:, 0] + strain[:, 1] + strain[:, 2])
+        for k in range(stress.shape[1]):  # by columns: NumPy is slow along short rows
+            new[:, k] += 2 * μ * strain[:, k] + mean if k < 3 else μ * strain[:, k]
         return new
 
     def strain(self, stress: np.ndarray) -> np.ndarray:
