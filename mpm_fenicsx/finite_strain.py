@@ -34,18 +34,18 @@ class FiniteStrain(Yielding):
         super().__init__(motion)
         self._numbers = motion.grid.dim**2, len(np.triu_indices(motion.grid.dim**2)[0])
 
-    def _response(self, material, states, f: np.ndarray, F: np.ndarray, at: np.ndarray, of: np.ndarray):
+    def _response(self, material, states, gradient: np.ndarray, F: np.ndarray, at: np.ndarray, of: np.ndarray):
         """P (m, dim²) and ∂P/∂F, its upper triangle, of pairs: deformation ``at`` and state ``of``.
 
-        ``states``: those of ``FINITE_STRAIN``, factors of P, history and sizes; ``f`` the step's deformation, ``F``
-        that of the configuration P works in.
+        ``states``: those of ``FINITE_STRAIN``, factors of P, history and sizes; ``gradient``: f - 1 of the
+        step; ``F`` the deformation of the configuration that P works in.
         """
         state, scale, history, size = states
-        strain, values, vectors = FINITE_STRAIN.trial(state, f, at, of)
+        strain, values, vectors = FINITE_STRAIN.trial(state, gradient, at, of)
         κ, d = (None if a is None else a[of] for a in (history, size))
         τ, _, D = material.tangent(strain, np.zeros_like(strain), κ, d)
         stress, tangent = (np.empty((len(at), n)) for n in self._numbers)
-        logarithmic.nominal(F, scale, at, of, SHEAR[f.shape[1]], self._plane, τ, D, values, vectors, stress, tangent)
+        logarithmic.nominal(F, scale, at, of, SHEAR[F.shape[1]], self._plane, τ, D, values, vectors, stress, tangent)
         return stress, tangent
 
 
@@ -102,11 +102,12 @@ class FiniteStrainPoints(FiniteStrainAtGaussPoints):
 
     def _respond(self, u: np.ndarray) -> None:
         self.stress.rows[:] = self.tangent.rows[:] = 0.0
-        f = deformation(self.gauss.gradient(u))
+        gradient = self.gauss.gradient(u)
+        f = deformation(gradient)
         for (body, _), pairs, states in zip(self._bodies, self._pairs, self._states, strict=True):
             before = tensors.matrix(body.stress, body.dim).reshape(len(body), -1)
             for point, where, weight in _chunks(*pairs):
-                stress, tangent = self._response(body.material, states, f, f, where, point)
+                stress, tangent = self._response(body.material, states, gradient, f, where, point)
                 add(where, weight, stress - before[point], self.stress.rows)
                 add(where, weight, tangent, self.tangent.rows)
         self.stress.gather()
@@ -166,8 +167,8 @@ class FiniteStrainSums(FiniteStrain):
         self._tangent.clear()
         tangents = []
         for (body, stencil), recover, states in zip(self._bodies, self._recover, self._states, strict=True):
-            f, rows = deformation(recover(u)), np.arange(len(body), dtype=np.int32)
-            stress, tangent = self._response(body.material, states, f, f, rows, rows)
+            gradient, rows = recover(u), np.arange(len(body), dtype=np.int32)
+            stress, tangent = self._response(body.material, states, gradient, deformation(gradient), rows, rows)
             self._deposit(body, stencil, stress - tensors.matrix(body.stress, body.dim).reshape(stress.shape))
             self._tangent.add(stencil, body.volume[:, None] * tangent)
             tangents.append(tangent)

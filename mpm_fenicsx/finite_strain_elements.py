@@ -33,14 +33,15 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         self._before = FINITE_STRAIN.state(self.material, self._kirchhoff)
 
     def _step(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """F at the end of the step, and its part f in the step."""
-        F = self.deformation + self.gauss.gradient(u)
-        return F, F @ np.linalg.inv(self.deformation)
+        """F at the end of the step, and the gradient f - 1 of the step, f = F Fₙ⁻¹."""
+        gradient = self.gauss.gradient(u)
+        return self.deformation + gradient, gradient @ np.linalg.inv(self.deformation)
 
     def _respond(self, u: np.ndarray) -> None:
-        F, f = self._step(u)
+        F, gradient = self._step(u)
         states = self._before, self._one, self.history, self.size
-        self.stress.rows[:], self.tangent.rows[:] = self._response(self.material, states, f, F, self._all, self._all)
+        rows = self._all
+        self.stress.rows[:], self.tangent.rows[:] = self._response(self.material, states, gradient, F, rows, rows)
 
     def take(self, other: FiniteStrainElements) -> None:
         """Go on from another run's state."""
@@ -50,8 +51,8 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
 
     def carry(self) -> None:
         """State at the end of the step."""
-        F, f = self._step(self.motion.nodal(self.motion.u))
-        strain, *_ = FINITE_STRAIN.trial(self._before, f, self._all, self._all)
+        F, gradient = self._step(self.motion.nodal(self.motion.u))
+        strain, *_ = FINITE_STRAIN.trial(self._before, gradient, self._all, self._all)
         τ, self.history = self.material.respond(strain, np.zeros_like(strain), self.history, self.size)
         self.deformation, self.state = F, τ / np.linalg.det(F)[:, None]
         self._start()

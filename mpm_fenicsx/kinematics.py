@@ -51,26 +51,25 @@ class FiniteStrain:
 
     def respond(self, body, gradient: np.ndarray, volumetric: None = None) -> None:
         """Give the points stress and history after the displacement gradients (n, dim, dim)."""
-        J = volume_ratio(body)
-        rows, f = np.arange(len(body), dtype=np.int32), deformation(gradient)
-        strain, *_ = self.trial(self.state(body.material, J[:, None] * body.stress), f, rows, rows)
+        J, rows = volume_ratio(body), np.arange(len(body), dtype=np.int32)
+        strain, *_ = self.trial(self.state(body.material, J[:, None] * body.stress), gradient, rows, rows)
         stress, body.history = body.material.respond(strain, np.zeros_like(strain), body.history, body.size)
         with np.errstate(divide="ignore", invalid="ignore"):  # ``deform`` names a point that turns inside out
             body.stress = stress / (J * tensors.stretch(gradient))[:, None]
 
     def state(self, material, kirchhoff: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Elastic left Cauchy-Green tensors (n, dim, dim) of τ (n, components), Pa, and ε_zz (n,)."""
+        """Elastic left Cauchy-Green tensors less 1, (n, dim, dim), of τ (n, components), Pa, and ε_zz (n,)."""
         strain, dim = material.strain(kirchhoff), 2 if kirchhoff.shape[1] == 4 else 3
-        B = np.empty((len(strain), dim, dim))
-        logarithmic.exponential(strain, SHEAR[dim], B)
-        return B, np.ascontiguousarray(strain[:, 2])
+        E = np.empty((len(strain), dim, dim))
+        logarithmic.exponential(strain, SHEAR[dim], E)
+        return E, np.ascontiguousarray(strain[:, 2])
 
-    def trial(self, state, f: np.ndarray, at: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, ...]:
+    def trial(self, state, gradient: np.ndarray, at: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, ...]:
         """Hencky's strain rows (m, components), were the step elastic, and eigenvalues (m, dim) and eigenvectors
-        (m, dim, dim) of b, for pairs of a deformation, row ``at`` (m,) of f, and a state, row ``of`` (m,)."""
-        m, dim = len(at), f.shape[1]
+        (m, dim, dim) of b, for pairs of a gradient f - 1, row ``at`` (m,), and a state, row ``of`` (m,)."""
+        m, dim = len(at), gradient.shape[1]
         out = np.empty((m, tensors.components(dim))), np.empty((m, dim)), np.empty((m, dim, dim))
-        logarithmic.trial(f, *state, at, of, SHEAR[dim], *out)
+        logarithmic.trial(gradient, *state, at, of, SHEAR[dim], *out)
         return out
 
     def energy(self, body) -> float:

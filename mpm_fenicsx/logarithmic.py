@@ -1,6 +1,7 @@
 """Hencky's strain ε = ½ ln b and what follows from it, in compiled loops over pairs of a deformation and a state.
 
-The elastic left Cauchy-Green tensor goes from B to b = f B fᵀ in a step with the deformation f.  Given the Kirchhoff
+The elastic left Cauchy-Green tensor goes from B to b = f B fᵀ in a step with the deformation f.  B - 1, f - 1 and b - 1
+are what is kept, so that strains of 1e-9 have all their digits.  Given the Kirchhoff
 stress τ(ε) and its derivative D, the nominal stress in the configuration of a deformation F, P = s τ F⁻ᵀ, changes by
 
     dP = s (D : dε - τ lᵀ) F⁻ᵀ,   l = df f⁻¹ = dF F⁻¹,   dε = L : (l b + b lᵀ),   L = ½ ∂ln b/∂b
@@ -20,11 +21,13 @@ from .kernels import jit
 
 @jit
 def eigen(b, values, vectors):
-    """Eigenvalues and eigenvectors (columns) of a symmetric positive matrix, which is overwritten (Jacobi)."""
+    """Eigenvalues and eigenvectors (columns) of a symmetric matrix, which is overwritten (Jacobi)."""
     n = len(b)
+    small = 0.0
     for i in range(n):
         for j in range(n):
             vectors[i, j] = 1.0 if i == j else 0.0
+            small = max(small, 1e-17 * abs(b[i, j]))
     turned = True
     sweeps = 0
     while turned and sweeps < 30:
@@ -32,7 +35,7 @@ def eigen(b, values, vectors):
         sweeps += 1
         for p in range(n - 1):
             for q in range(p + 1, n):
-                if b[p, q] ** 2 <= 1e-34 * b[p, p] * b[q, q]:
+                if abs(b[p, q]) <= small:
                     continue
                 turned = True
                 θ = (b[q, q] - b[p, p]) / (2.0 * b[p, q])
@@ -70,50 +73,44 @@ def inverse(F, out):
 
 @jit
 def exponential(strain, shear, out):
-    """Write the in-plane part of B = exp(2ε) (n, dim, dim) of elastic strain rows."""
+    """Write the in-plane part of B - 1 = exp(2ε) - 1 (n, dim, dim) of elastic strain rows."""
     n, dim, _ = out.shape
     values, vectors, ε = np.empty(dim), np.empty((dim, dim)), np.empty((dim, dim))
     for p in range(n):
-        shift = 1.0  # makes what is decomposed positive
         for i in range(dim):
             ε[i, i] = strain[p, i]
-            shift += abs(strain[p, i])
         for k in range(len(shear)):
             i, j = shear[k]
             ε[i, j] = ε[j, i] = 0.5 * strain[p, 3 + k]
-            shift += abs(strain[p, 3 + k])
-        for i in range(dim):
-            ε[i, i] += shift
         eigen(ε, values, vectors)
         for i in range(dim):
             for j in range(dim):
                 s = 0.0
                 for a in range(dim):
-                    s += math.exp(2.0 * (values[a] - shift)) * vectors[i, a] * vectors[j, a]
+                    s += math.expm1(2.0 * values[a]) * vectors[i, a] * vectors[j, a]
                 out[p, i, j] = s
 
 
 @jit
-def trial(f, B, across, at, of, shear, strain, values, vectors):
+def trial(h, E, across, at, of, shear, strain, values, vectors):
     """Write Hencky's strain of b = f B fᵀ, as rows, and the eigenvalues and eigenvectors of b.
 
-    Pair m takes f from row at[m] and the state B, ``across`` (in plane strain ε_zz) from row of[m].
+    Pair m takes h = f - 1 from row at[m] and the state E = B - 1, ``across`` (in plane strain ε_zz) from row of[m].
     """
-    dim = f.shape[1]
+    dim = h.shape[1]
     left, b = np.empty((dim, dim)), np.empty((dim, dim))
     for m in range(len(at)):
         g, p = at[m], of[m]
         for i in range(dim):
             for j in range(dim):
-                s = 0.0
+                left[i, j] = h[g, i, j]
                 for k in range(dim):
-                    s += f[g, i, k] * B[p, k, j]
-                left[i, j] = s
+                    left[i, j] += h[g, i, k] * E[p, k, j]
         for i in range(dim):
             for j in range(i + 1):
-                s = 0.0
+                s = E[p, i, j] + left[i, j] + left[j, i]
                 for k in range(dim):
-                    s += left[i, k] * f[g, j, k]
+                    s += left[i, k] * h[g, j, k]
                 b[i, j] = b[j, i] = s
         eigen(b, values[m], vectors[m])
         N = vectors[m]
@@ -121,12 +118,14 @@ def trial(f, B, across, at, of, shear, strain, values, vectors):
         for i in range(dim):
             strain[m, i] = 0.0
             for a in range(dim):
-                strain[m, i] += 0.5 * math.log(values[m, a]) * N[i, a] ** 2
+                strain[m, i] += 0.5 * math.log1p(values[m, a]) * N[i, a] ** 2
         for k in range(len(shear)):
             i, j = shear[k]
             strain[m, 3 + k] = 0.0
             for a in range(dim):
-                strain[m, 3 + k] += math.log(values[m, a]) * N[i, a] * N[j, a]
+                strain[m, 3 + k] += math.log1p(values[m, a]) * N[i, a] * N[j, a]
+        for a in range(dim):
+            values[m, a] += 1.0
 
 
 @jit

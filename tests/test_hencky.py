@@ -126,7 +126,7 @@ def responses(body, f):
     dim, n, law = body.dim, len(body), body.material
     J, rows = volume_ratio(body), np.arange(len(body), dtype=np.int32)
     state = FINITE_STRAIN.state(law, J[:, None] * body.stress)
-    strain, values, vectors = FINITE_STRAIN.trial(state, f, rows, rows)
+    strain, values, vectors = FINITE_STRAIN.trial(state, f - np.eye(dim), rows, rows)
     τ, _, D = law.tangent(strain, np.zeros_like(strain), body.history, None)
     P, A = np.empty((n, dim**2)), np.empty((n, dim**2 * (dim**2 + 1) // 2))
     logarithmic.nominal(f, 1.0 / J, rows, rows, SHEAR[dim], tensors.in_plane(dim), τ, D, values, vectors, P, A)
