@@ -30,6 +30,7 @@ from rich.progress import track
 
 HOME = Path(__file__).parents[1]
 BLOCK, WARM = 4, 2  # steps in a block; blocks before the clock counts
+PATIENCE = 60.0  # s of blocks, after which the ones there are must do
 KEYS = ("kind", "method", "dim", "cell_m", "caches")
 
 
@@ -51,12 +52,14 @@ def bill(method: str, dim: int, cell: float) -> dict:
     accounts = Bill(scene(method, dim, cell))
     accounts.run.step()
     row["first_step_s"] = time.perf_counter() - began
-    for _ in range(WARM):
-        accounts.block(BLOCK)
-    blocks = [accounts.block(BLOCK) for _ in range(blocks_at(row["points"]))]
+    blocks = [accounts.block(BLOCK)]  # the first is no measure
+    while len(blocks) < WARM + blocks_at(row["points"]) and sum(map(total, blocks)) * BLOCK < PATIENCE:
+        blocks.append(accounts.block(BLOCK))
+    blocks = blocks[min(WARM, len(blocks) - 1):]
     grown, pieces = peak() - before, middle(blocks)
     return {**row, "seconds": total(pieces), "seconds_min": min(map(total, blocks)), "pieces": pieces,
-            "iterations": accounts.run.equilibrium.iterations, "bytes": grown, "bytes_a_point": grown / row["points"]}
+            "iterations": accounts.run.equilibrium.iterations, "steps": BLOCK * len(blocks), "bytes": grown,
+            "bytes_a_point": grown / row["points"]}
 
 
 def taking_turns(bills: dict[str, Bill], rounds: int) -> dict[str, np.ndarray]:

@@ -28,7 +28,8 @@ BODY = {2: (6.0, 4.0), 3: (6.0, 3.0, 3.0)}  # m
 CELLS = {2: (0.125, 0.0625, 0.03125, 0.015625), 3: (0.375, 0.25, 0.1875)}  # m
 COURANT = soil.p_speed * 5e-3 / 0.0625  # 5.5
 MAPPINGS = {m.name: m for m in (MPM, DM_G, DM_GC)}
-CHOLESKY = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps"}
+CHOLESKY = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps",
+            "ksp_diagonal_scale": False, "ksp_diagonal_scale_fix": False}
 TWINS = {"FE": {"reassemble": True}, "FE, Cholesky": {"reassemble": True, "solver": CHOLESKY},
          "FE, frozen": {"reassemble": False}}
 METHODS = (*MAPPINGS, *TWINS)
