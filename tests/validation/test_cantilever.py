@@ -129,6 +129,6 @@ def test_the_tip_converges(kind, record):
 
 @pytest.mark.parametrize("kind", [MPM, DM], ids=str)
 def test_linear_shape_functions_fail(kind, record):
-    with pytest.raises(RunError, match="step .* Newton does not converge"):
+    with pytest.raises(RunError, match=r"step .* Newton does not converge"):
         tip(kind, 0.5)
     record("2 cantilever, h = 0.5 m: tip against the elastica, 1.2 % off itself for its depth", kind, None, LOST)
