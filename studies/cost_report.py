@@ -54,22 +54,33 @@ def shown(value: float | None, form: str) -> str:
     return "" if value is None else format(value, form)
 
 
+def milliseconds(seconds: float) -> str:
+    """Three digits, two of them after the point at most."""
+    ms = 1e3 * seconds
+    return f"{ms:.{2 if ms < 9.995 else 1 if ms < 99.95 else 0}f}"
+
+
 def tables(rows: list[dict]) -> Iterator[Table]:
     """The bill, how it grows, and what the issue asks for."""
-    bill = Table("method", "dim", "points", *PIECES, "step", "least", "its", "points'\nwork %", "bytes\na point",
-                 title="Milliseconds a step", box=None, padding=(0, 1, 0, 0))
     grow = Table("method", "dim", "exponent (2D: from 25k points)", "of the least", "bytes a point, largest",
                  title="Growth", box=None, padding=(0, 2, 0, 0))
     for dim in (2, 3):
+        bill = Table(title=f"Milliseconds a step, {dim}D; share of the points' own work; bytes a point", box=None,
+                     padding=(0, 1, 0, 0))
+        for name in ("method", "points", *PIECES, "step", "least", "its", "own %", "bytes"):
+            bill.add_column(name, justify="left" if name == "method" else "right", no_wrap=True)
         for method in METHODS:
             found = bills(rows, method, dim)
             for row in found:
-                bill.add_row(method, f"{dim}", f"{row['points']}", *(f"{1e3 * row['pieces'][p]:.2f}" for p in PIECES),
-                             f"{1e3 * row['seconds']:.2f}", f"{1e3 * row['seconds_min']:.2f}", f"{row['iterations']}",
+                times = (*(row["pieces"][p] for p in PIECES), row["seconds"], row["seconds_min"])
+                bill.add_row(method, f"{row['points']}", *map(milliseconds, times), f"{row['iterations']}",
                              f"{100 * share(row):.0f}", f"{row['bytes_a_point']:.0f}")
             least = 20_000 if dim == 2 else 0
-            grow.add_row(method, f"{dim}", shown(exponent(found, least=least), ".2f"),
-                         shown(exponent(found, "seconds_min", least), ".2f"), shown(growth(found), ".0f"))
+            if len(found) > 1:
+                grow.add_row(method, f"{dim}", shown(exponent(found, least=least), ".2f"),
+                             shown(exponent(found, "seconds_min", least), ".2f"), shown(growth(found), ".0f"))
+        if bill.row_count:
+            yield bill
     asked = Table("asked for", "at most", "found", "", title="What issue 4 asks for, DM-GC", box=None,
                   padding=(0, 2, 0, 0))
     for name, most, found in targets(rows):
@@ -79,7 +90,7 @@ def tables(rows: list[dict]) -> Iterator[Table]:
     for row in rows:
         if "failed" in row:
             failed.add_row(f"{row['kind']} {row['method']} {row['dim']}D {row['cell_m']} m", row["failed"])
-    yield from (bill, grow, asked, *([failed] if failed.row_count else []))
+    yield from (grow, asked, *([failed] if failed.row_count else []))
 
 
 def targets(rows: list[dict]) -> Iterator[tuple[str, float, float | None]]:
@@ -121,7 +132,8 @@ def figure(rows: list[dict], path: Path) -> None:
         start += ms
     for place, ms in enumerate(start):
         left.text(ms, place, f" {ms:.1f}", va="center")
-    left.set(xlabel="time of a step (ms)", title=f"The bill on {at} points, 2D", xlim=(0, 1.12 * max(start, default=1)))
+    left.set(xlabel="time of a step (ms)", title=f"The bill on {at or 0:,} points, 2D",
+             xlim=(0, 1.12 * max(start, default=1)))
     left.invert_yaxis()
     below = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.14), "fontsize": 8}
     left.legend(ncols=5, **below)
