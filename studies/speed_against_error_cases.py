@@ -18,6 +18,7 @@ from mpm_fenicsx import RunError
 METHODS = ("FE", "MPM", "GIMP", "DM-G", "DM-GC")
 MORE = ("FE reassembled", "CMPM", "DM", "DM-C")
 ERRORS = ("error_displacement", "error_velocity", "error_stress")
+COURANT, MOST = (4.0, 2.0, 1.0, 0.5), 2000  # Courant numbers from fast to slow runs; steps at most
 WILD = 10.0  # stress over the largest exact one: beyond, a run is unstable
 
 
@@ -38,40 +39,48 @@ class Case:
         return cls(**{name: row[name] for name in cls.__dataclass_fields__})
 
 
-def together(scene: str) -> list[tuple[float, float]]:
-    """Cells and time steps that are refined together."""
+def grid(scene: str) -> list[tuple[float, float]]:
+    """All cells with all time steps, but for those that make too many of them."""
     s = SCENES[scene]
-    return [(h, s.courant * h) for h in s.cells]
+    every = [(h, s.step(h, courant)) for courant in COURANT for h in s.cells]
+    return [(h, dt) for h, dt in every if s.end / dt <= MOST]
+
+
+def together(scene: str) -> list[tuple[float, float]]:
+    """Cells and time steps that are refined together, at Courant number 1."""
+    s = SCENES[scene]
+    return [(h, s.step(h, 1.0)) for h in s.cells]
 
 
 def in_space(scene: str) -> list[tuple[float, float]]:
-    """Cells refined at one time step: the smallest."""
+    """Cells refined at one time step: the smallest that the finest of them is run with."""
     s = SCENES[scene]
-    return [(h, s.courant * s.cells[-1]) for h in s.cells]
+    dt = min(dt for h, dt in grid(scene) if h == s.cells[-1])
+    return [(h, dt) for h in s.cells]
 
 
 def in_time(scene: str) -> list[tuple[float, float]]:
-    """Time steps refined at one cell: the smallest, for the column the one before."""
+    """Time steps refined in the finest cells."""
     s = SCENES[scene]
-    h = s.cells[-1] if scene.startswith("bar") else s.cells[-2]
-    factors = (32, 16, 8, 4, 2, 1) if scene.startswith("bar") else (10, 5, 2, 1, 0.5)
-    return [(h, s.courant * h * factor) for factor in factors]
+    return [(s.cells[-1], s.step(s.cells[-1], courant)) for courant in (16, 8, *COURANT)
+            if s.end / s.step(s.cells[-1], courant) <= MOST]
 
 
 def settings(scene: str, quick: bool) -> Iterator[dict]:
-    """Settings of a scene, the cheap ones first and, if ``quick``, alone."""
+    """Settings of a scene; ``quick`` ones are those of coarse cells."""
     s = SCENES[scene]
-    for h, dt in together(scene)[: 1 if quick and scene.startswith("column") else 3 if quick else None]:
+    bar = scene.startswith("bar")
+    for h, dt in together(scene)[: 3 if bar else 1] if quick else grid(scene):
         yield {"cell": h, "dt": dt}
-    if not s.thorough or (quick and scene.startswith("column")):
+    if not s.thorough or (quick and not bar):
         return
-    h = s.cells[-2]
+    h, dt = together(scene)[-2]
     for tolerance in (1e-2, 1e-4, 1e-6, 1e-8):
-        yield {"cell": h, "dt": s.courant * h, "tolerance": tolerance}
+        yield {"cell": h, "dt": dt, "tolerance": tolerance}
     for per_cell in (1, 9, 16):
-        yield {"cell": h, "dt": s.courant * h, "per_cell": per_cell}
+        yield {"cell": h, "dt": dt, "per_cell": per_cell}
     if not quick:
-        for h, dt in in_space(scene)[:-1] + in_time(scene):
+        for h, dt in in_space(scene) + in_time(scene):
             yield {"cell": h, "dt": dt}
 
 

@@ -54,15 +54,19 @@ class ColumnWatch:
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene that can be run with any cell and time step: ``cells`` (m) from coarse to fine, the time step (s) that
-    goes with each, the time to run (s), and whether settings are varied one by one, too."""
+    """A scene that can be run with any cell and time step: ``cells`` (m) from coarse to fine, wave ``speed`` (m/s), the
+    time to run (s), how to make and watch it, and whether other settings are varied, too."""
 
     cells: tuple[float, ...]
-    courant: float  # s/m: time step over cell
+    speed: float
     end: float
     make: Callable
     watch: Callable
     thorough: bool = False
+
+    def step(self, cell: float, courant: float) -> float:
+        """The time step (s) nearest to a Courant number that divides the time to run."""
+        return self.end / round(self.end * self.speed / (courant * cell))
 
 
 def _column(base, load, method, cell, dt, per_cell, **options):
@@ -79,10 +83,10 @@ def _bar(name, method, cell, dt, per_cell, **options):
 
 
 SCENES = {f"column, {base}, {load / 1e3:g} kPa": Scene(
-    (0.5, 0.25, 0.125), 4e-3, column.end, partial(_column, base, load),
+    (0.5, 0.25, 0.125), 125.0, column.end, partial(_column, base, load),  # 126.5 m/s: even time steps
     lambda run, base=base, load=load: ColumnWatch(run, base, load), (base, load) == ("fixed", column.small))
     for load in (column.small, column.peak) for base in ("fixed", "viscous")}
 SCENES |= {f"bar, {name}": Scene(
-    tuple(manufactured.length / n for n in (10, 20, 40, 80)), 0.5 / bar.speed, bar.period, partial(_bar, name),
+    tuple(manufactured.length / n for n in (10, 20, 40, 80)), bar.speed, bar.period, partial(_bar, name),
     lambda run, bar=bar: manufactured.Watch(run, bar), name in ("standing", "moving"))
     for name, bar in manufactured.BARS.items()}
