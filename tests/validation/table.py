@@ -37,7 +37,7 @@ def markdown(rows: list[dict]) -> str:
 
 def _cell(row: dict, reasons: list[str]) -> str:
     error = row["error"]
-    text = "∞" if error is None else f"{error:.0e}" if abs(error) < 1e-5 else f"{100 * error:.2g} %"
+    text = "∞" if error is None else f"{error:.0e}" if 0.0 < error < 1e-5 else f"{100 * error:.2g} %"
     if error is not None and error >= 0.995:
         text = f"> {min(10 ** int(np.log10(error) + 1e-9), 1000):.0f}00 %"
     return f"**{row['result']}** {text}" if row["result"] == "FAILED" else \
