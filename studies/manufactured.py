@@ -51,7 +51,8 @@ def elements(bar: Bar, cell: float, dt: float, **options) -> FiniteElements:
     return run
 
 
-def points(bar: Bar, mapping, cell: float, dt: float, per_cell: int, random: bool = False, **options) -> Simulation:
+def points(bar: Bar, mapping, cell: float, dt: float, per_cell: int, random: bool = False, kind: type = Simulation,
+           **options) -> Simulation:
     """Material points, with room for the drift and two cells more where the ends are free."""
     room = 2 * bar.free
     grid = Grid.box((-room * cell, 0), (length + (room + np.ceil(bar.drift * bar.period / cell)) * cell, height),
@@ -59,7 +60,7 @@ def points(bar: Bar, mapping, cell: float, dt: float, per_cell: int, random: boo
     body = tiles(material(bar), cell / round(per_cell**0.5), jitter * random)
     body.velocity, body.acceleration = np.zeros((2, *body.x.shape))
     body.velocity[:, 0] = bar.drift + bar.velocity(body.x[:, 0], 0.0)
-    return Simulation(grid, body, Newmark(dt), terms(bar, grid, dt, bar.particle), mapping, **options)
+    return kind(grid, body, Newmark(dt), terms(bar, grid, dt, bar.particle), mapping, **options)
 
 
 def tiles(soil, size: float, jitter: float) -> MaterialPoints:
