@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from mpm_fenicsx.exact import Bar, Column, relative_error
+from mpm_fenicsx.exact import Bar, Column, dashpot_echo, rayleigh_speed, relative_error, thick_cylinder
 
 L, C, RHO = 10.0, 100.0, 2000.0
 Z, TRAVEL = RHO * C, L / C
@@ -131,3 +131,32 @@ def test_a_particle_is_found_where_it_went(bar):
     X = np.linspace(-0.2, 2.2, 41)
     for t in (0.0, 0.3 * bar.period, bar.period):
         np.testing.assert_allclose(bar.particle(X + bar.displacement(X, t) + bar.drift * t, t), X, rtol=0, atol=1e-13)
+
+
+def test_a_thick_cylinder_is_in_equilibrium_and_elastic():
+    r, E, ν = np.linspace(1.0, 2.0, 4001), 7e6, 0.3
+    radial, hoop, u = thick_cylinder(r, 1.0, 2.0, 5e3, E, ν)
+    np.testing.assert_allclose(radial[[0, -1]], [-5e3, 0.0], atol=1e-9)
+    np.testing.assert_allclose(np.gradient(radial, r)[1:-1], ((hoop - radial) / r)[1:-1], rtol=1e-5)
+    axial = ν * (radial + hoop)
+    np.testing.assert_allclose(u / r, (hoop - ν * (radial + axial)) / E, rtol=1e-12)
+    np.testing.assert_allclose(np.gradient(u, r)[1:-1], ((radial - ν * (hoop + axial)) / E)[1:-1], rtol=1e-5)
+
+
+@pytest.mark.parametrize("poisson, ratio", [(0.0, 0.8740), (0.25, 0.9194), (0.3, 0.9274), (0.41, 0.9436), (0.5, 0.9553)])
+def test_rayleigh_waves(poisson, ratio):
+    """0.8740 and 0.9553 are the textbooks' ends; √(2 - 2/√3) is the closed form at ν = 1/4."""
+    assert rayleigh_speed(poisson) == pytest.approx(ratio, abs=6e-5)
+    assert rayleigh_speed(0.25) == pytest.approx(np.sqrt(2 - 2 / np.sqrt(3)), rel=1e-12)
+
+
+@pytest.mark.parametrize("poisson, wave, echoes", [
+    (0.25, "P", [0, 0.0002, 0.0003, 0.0016, 0.0089, 0.0359, 0.117, 0.346]),
+    (0.25, "S", [0, 0.0083, 0.0359, 0.0158, 0.0475, 0.113, 0.244, 0.500]),
+    (0.41, "P", [0, 0.0010, 0.0039, 0.0121, 0.033, 0.083, 0.195, 0.443]),
+    (0.41, "S", [0, 0.0122, 0.0044, 0.0181, 0.050, 0.117, 0.249, 0.504])])
+def test_what_dashpots_send_back(poisson, wave, echoes):
+    """A table found by others; grazing waves come back whole."""
+    found = [dashpot_echo(np.radians(angle), poisson, wave) for angle in (0, 20, 30, 40, 50, 60, 70, 80)]
+    np.testing.assert_allclose(found, echoes, atol=6e-4)
+    assert dashpot_echo(np.pi / 2 - 1e-6, poisson, wave) == pytest.approx(1.0, abs=1e-4)
