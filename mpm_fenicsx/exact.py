@@ -171,8 +171,8 @@ def rayleigh_speed(poisson: float) -> float:
 def dashpot_echo(angle: float, poisson: float, wave: str) -> float:
     """Part of a plane wave's energy that viscous dashpots (Lysmer & Kuhlemeyer 1969) send back.
 
-    ``angle`` (rad) from the normal; ``wave`` P or S, in the plane.  u = d f(t − s·x) puts −(λ d·s n + μ (s·n d + d·n s))
-    on the boundary, in units of f', and d the dashpot's −Z; what comes back makes the sum zero.
+    ``angle`` (rad) from the normal; ``wave`` P or S, in the plane.  u = d f(t − s·x) puts the traction
+    −(λ d·s n + μ (s·n d + d·n s)) f' on the boundary, where it should be −Z d f'; what comes back mends that.
     """
     fast, slow = np.sqrt((2 - 2 * poisson) / (1 - 2 * poisson)), 1.0  # of waves, ρ = μ = 1
     λ, Z = fast**2 - 2, np.diag([slow, fast])  # the boundary lies above: n = (0, 1)

@@ -143,7 +143,8 @@ def test_a_thick_cylinder_is_in_equilibrium_and_elastic():
     np.testing.assert_allclose(np.gradient(u, r)[1:-1], ((radial - ν * (hoop + axial)) / E)[1:-1], rtol=1e-5)
 
 
-@pytest.mark.parametrize("poisson, ratio", [(0.0, 0.8740), (0.25, 0.9194), (0.3, 0.9274), (0.41, 0.9436), (0.5, 0.9553)])
+@pytest.mark.parametrize("poisson, ratio",
+                         [(0.0, 0.8740), (0.25, 0.9194), (0.3, 0.9274), (0.41, 0.9436), (0.5, 0.9553)])
 def test_rayleigh_waves(poisson, ratio):
     """0.8740 and 0.9553 are the textbooks' ends; √(2 - 2/√3) is the closed form at ν = 1/4."""
     assert rayleigh_speed(poisson) == pytest.approx(ratio, abs=6e-5)
