@@ -129,9 +129,9 @@ def trial(h, E, across, at, of, shear, strain, values, vectors):
 
 
 @jit
-def _spatial(stress, D, values, N, shear, plane, T, θ, Y, row, out):
+def _spatial(axes, stress, D, values, N, shear, plane, T, θ, Y, Z, row, out):
     """Write T, the stress as a matrix, and a of dτ - τ lᵀ = a : l, rows and columns ij in the order i dim + j."""
-    dim = len(values)
+    dim = len(axes)
     for i in range(dim):
         T[i, i] = stress[i]
         for j in range(dim):
@@ -142,13 +142,19 @@ def _spatial(stress, D, values, N, shear, plane, T, θ, Y, row, out):
         T[i, j] = T[j, i] = stress[3 + k]
     for k in range(dim):
         for l in range(dim):
-            Y[:] = 0.0
-            for a in range(dim):
-                for b in range(dim):
+            for b in range(dim):
+                for i in range(dim):
+                    Z[i, b] = 0.0
+                for a in range(dim):
                     y = θ[a, b] * (N[k, a] * values[b] * N[l, b] + values[a] * N[l, a] * N[k, b])
                     for i in range(dim):
-                        for j in range(dim):
-                            Y[i, j] += N[i, a] * y * N[j, b]
+                        Z[i, b] += N[i, a] * y
+            for i in range(dim):
+                for j in range(i + 1):
+                    s = 0.0
+                    for b in range(dim):
+                        s += Z[i, b] * N[j, b]
+                    Y[i, j] = Y[j, i] = s
             for i in range(dim):
                 row[i] = Y[i, i]
             for c in range(len(shear)):
@@ -167,20 +173,20 @@ def _spatial(stress, D, values, N, shear, plane, T, θ, Y, row, out):
 
 
 @jit
-def nominal(F, scale, at, of, shear, plane, stress, D, values, vectors, out_stress, out_tangent):
+def nominal(axes, F, scale, at, of, shear, plane, stress, D, values, vectors, out_stress, out_tangent):
     """Write P = s τ F⁻ᵀ, rows (m, dim²), and the upper triangle of its derivative, rows (m, dim² (dim² + 1)/2).
 
     ``stress`` (m, components): τ and ``D`` its derivative by Hencky's strain, of every pair; ``scale``: s of every
-    state.  Where F turns the body inside out they are not numbers.
+    state; ``axes`` as in ``kernels``.  Where F turns the body inside out they are not numbers.
     """
-    dim = F.shape[1]
+    dim = len(axes)
     n = dim * dim
-    T, θ, Y, G = np.empty((dim, dim)), np.empty((dim, dim)), np.empty((dim, dim)), np.empty((dim, dim))
+    T, θ, Y, Z, G = np.empty((5, dim, dim))
     row, a, half = np.empty(len(plane)), np.empty((n, n)), np.empty((n, n))
     for m in range(len(at)):
         det = inverse(F[at[m]], G)
         s = scale[of[m]] if det > 0.0 else np.nan
-        _spatial(stress[m], D[m], values[m], vectors[m], shear, plane, T, θ, Y, row, a)
+        _spatial(axes, stress[m], D[m], values[m], vectors[m], shear, plane, T, θ, Y, Z, row, a)
         for i in range(dim):
             for J in range(dim):
                 t = 0.0
