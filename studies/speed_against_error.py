@@ -6,8 +6,8 @@ stress, the seconds of the steps alone, on the wall and of the CPU (least of up 
 memory, and, where a run goes unstable, the step.  Writes speed_against_error.json after every run, and .png.  What is
 in the file for this DOLFINx and number of threads is not run again.
 
-    OMP_NUM_THREADS=1 python studies/speed_against_error.py --fresh    everything, about 20 minutes
-    OMP_NUM_THREADS=1 python studies/speed_against_error.py --quick    coarse cells in one turn, about one minute
+    OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 python studies/speed_against_error.py --fresh    everything, 20 minutes
+    OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 python studies/speed_against_error.py --quick    coarse cells, one turn
 """
 
 from __future__ import annotations
@@ -70,7 +70,8 @@ class Book:
             row["seconds_each"] = [*before.get("seconds_each", []), round(row["seconds"], 4)]
             for name in ("seconds", "cpu_seconds", "ms_per_step", "set_up_seconds"):
                 row[name] = min(row[name], before.get(name, row[name]))
-        self.rows[case] = {**row, **self.here, "at": datetime.now(UTC).isoformat(timespec="seconds"),
+        here = {name: self.here[name] for name in ("dolfinx", "threads", "commit")}
+        self.rows[case] = {**row, **here, "at": datetime.now(UTC).isoformat(timespec="seconds"),
                            "load": round(os.getloadavg()[0], 2)}
         self.write()
 
@@ -78,7 +79,7 @@ class Book:
         """Write the file anew, or leave it as it was; ``more`` to go before the rows."""
         whole = {"about": self.here, **more, "rows": [*self.rows.values(), *self.others]}
         part = self.path.with_suffix(".part")
-        part.write_text(json.dumps(_rounded(whole), indent=1) + "\n")
+        part.write_text(_lines(_rounded(whole)))
         part.replace(self.path)
 
 
@@ -90,6 +91,16 @@ def _rounded(value):
         return {key: item if key in Case.__dataclass_fields__ else _rounded(item)
                 for key, item in value.items()}
     return [_rounded(item) for item in value] if isinstance(value, list) else value
+
+
+def _lines(whole: dict) -> str:
+    """JSON with a line for each item of a list."""
+    def listed(value) -> str:
+        return "[\n" + ",\n".join(json.dumps(item) for item in value) + "\n]"
+
+    parts = (f'"{key}": {listed(value) if isinstance(value, list) else json.dumps(value)}'
+             for key, value in whole.items())
+    return "{" + ",\n".join(parts) + "}\n"
 
 
 def run(todo: list[Case], turns: int, book: Book, console: Console) -> None:
