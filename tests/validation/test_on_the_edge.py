@@ -116,7 +116,7 @@ def test_a_bar_keeps_its_stress(mapping, name, scene, record):
 
 @TILED
 def test_points_strewn_at_random_do_not_hold_a_stress(mapping, record):
-    """At rest, off by up to 0.3 of their spacing: an error of that size; GIMP's and DM-G's do not grow in 1,000 steps."""
+    """At rest, off by up to 0.3 of their spacing: an error of that size; only DM-GC's grows in 1,000 steps."""
     error = bar(mapping, 0.0, jitter=0.3, steps=1000)
     record("14 bar under stress, random points at rest, 1,000 steps", mapping, error.max(), GAPS)
     assert 0.3 < error.max() < 1.2
