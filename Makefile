@@ -19,7 +19,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 endif
 
 # The search for a Python takes a moment, so it is made only for goals that use the answer.
-ifneq ($(filter setup demo foundation test validate bench lint,$(MAKECMDGOALS)),)
+ifneq ($(filter setup demo foundation test validate speed bench lint,$(MAKECMDGOALS)),)
 ifndef DOLFINX
 DOLFINX := $(shell PYTHON="$(PYTHON)" sh scripts/setup.sh mode)
 endif
@@ -41,7 +41,7 @@ PY = env PATH="$(dir $(SYSTEM_PYTHON)):$$PATH" PYTHONNOUSERSITE=1 \
 RUFF = ruff
 endif
 
-.PHONY: help setup demo foundation test test-apt validate bench lint check-apt clean distclean
+.PHONY: help setup demo foundation test test-apt validate speed bench lint check-apt clean distclean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
@@ -66,6 +66,9 @@ test-apt: ## run the tests on Debian's DOLFINx, with /usr/bin/python3
 
 validate: $(READY) ## run the long cases with exact or published answers
 	@$(PY) -m pytest -m validation tests/validation $(ARGS)
+
+speed: $(READY) ## draw error against seconds (20 minutes; ARGS=--quick: two)
+	@$(PY) studies/speed_against_error.py $(ARGS)
 
 bench: $(READY) ## run the timings in benchmarks/
 ifneq ($(DOLFINX),wheel)
