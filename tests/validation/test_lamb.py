@@ -30,7 +30,7 @@ NEAR, FAR, WIDE, DEEP = 4, 8, 10, 3  # receivers and extent in wavelengths
 
 
 def surface_speed(mapping, poisson, wave=12):
-    """Speed of the surface wave over c_s, from vertical velocities at two places; ``wave``: cells (of 1 m) a wavelength."""
+    """Speed of the surface wave over c_s, from two receivers of vertical velocity; ``wave``: its length in cells."""
     soil = LinearElastic(20e6, poisson, 1500.0)
     width, depth = WIDE * wave, DEEP * wave
     above = 0 if mapping is None else 2
