@@ -15,6 +15,7 @@ from petsc4py import PETSc
 from . import fenicsx
 from .motion import Motion
 from .newton import Newton, SolverError
+from .part import Part
 from .scene import Contribution
 from .yielding import Yielding
 
@@ -48,17 +49,18 @@ class Equilibrium:
         self._residual, self._tangent = fenicsx.compile_form(residual), fenicsx.compile_form(tangent)
         ours = motion.stepping.dynamic and options is None
         self.matrix = fenicsx.create_matrix(self._tangent, "baij" if ours else None)
+        if motion.region.follows:  # PETSc drops entries that the first assembly leaves out
+            fenicsx.assemble_matrix(self.matrix, self._tangent, [])
+            self.matrix.assemble()
         self.force, self.increment = fem.Function(V, name="residual"), fem.Function(V, name="increment")
         self._owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
-        size = (self._owned, V.dofmap.index_map.size_global * V.dofmap.index_map_bs)
-        self._b, self._x = (PETSc.Vec().createWithArray(f.x.array[: self._owned], size=size, comm=motion.grid.comm)
-                            for f in (self.force, self.increment))
         self.fixed = np.zeros(len(self.force.x.array), dtype=bool)
         for bc in fixed:
             dofs, _ = bc.dof_indices()
             self.fixed[dofs] = True
         self._diagonal = self.matrix.createVecLeft()
         self.idle = np.zeros(self._owned, dtype=bool)
+        self.part = Part(self.matrix)
         self.ksp = _solver(self.matrix, motion, options)
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
@@ -66,7 +68,7 @@ class Equilibrium:
         self._rescue: PETSc.KSP | None = None
 
     def assemble_tangent(self) -> None:
-        """K with the law's tangent as it is; fixed nodes and nodes that touch no material keep a diagonal."""
+        """K with the law's tangent as it is, and the part of it that is to be solved."""
         A = self.matrix
         A.zeroEntries()
         fenicsx.assemble_matrix(A, self._tangent, self.bcs)
@@ -76,12 +78,13 @@ class Equilibrium:
         free = ~self.fixed[: self._owned]
         largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
         self.idle = d <= IDLE * largest
-        if largest > 0.0:
-            d[self.idle | ~free] = largest
-        else:
-            d[:] = 1.0
-        A.setDiagonal(self._diagonal)
-        self.ksp.setOperators(A)
+        bare = self.idle | ~free
+        d[bare] = largest if largest > 0.0 else 1.0
+        if self.part.take(~bare, self._diagonal):
+            for ksp in (self.ksp, self._rescue):
+                if ksp is not None:
+                    ksp.reset()
+        self.ksp.setOperators(self.part.matrix)
 
     def solve(self, internal: np.ndarray | None = None, reassemble: bool = True) -> None:
         """Solve for the motion's u; ``internal`` (dofs,), N: internal force that is no form, summed at points.
@@ -128,23 +131,25 @@ class Equilibrium:
         reason = self._run(self.ksp)
         if reason < 0 and self._can_rescue:
             if self._rescue is None:
-                self._rescue = _solver(self.matrix, self.motion, RESCUE)
-            self._rescue.setOperators(self.matrix)
+                self._rescue = _solver(self.part.matrix, self.motion, RESCUE)
+            self._rescue.setOperators(self.part.matrix)
             reason, self.rescues = self._run(self._rescue), self.rescues + 1
         self.solves, self.iterations = self.solves + 1, self.ksp.getIterationNumber()
-        if reason < 0 or not np.isfinite(self._x.norm()):
+        if reason < 0 or not np.isfinite(self.part.x.norm()):
             raise SolverError(f"linear solver stopped with PETSc reason {reason} after {self.iterations} iterations")
+        self.part.give(self.increment.x.array[: self._owned])
         fenicsx.share(self.increment)
         self.motion.u.x.array[:] += self.increment.x.array
 
     def _run(self, ksp: PETSc.KSP) -> int:
-        self._b.stateIncrease()
-        ksp.solve(self._b, self._x)
+        part = self.part
+        part.load(self.force.x.array[: self._owned])
+        ksp.solve(part.b, part.x)
         return ksp.getConvergedReason()
 
     def _norm(self) -> float:
-        self._b.stateIncrease()  # else PETSc answers with the norm of what the array held before
-        return self._b.norm()
+        r = self.force.x.array[: self._owned]
+        return float(np.sqrt(self.motion.grid.comm.allreduce(float(r @ r))))
 
     def support(self, internal: np.ndarray | None) -> tuple[np.ndarray, float]:
         """What supports bear as things stand, at u = 0 (dofs,), N, zero where nothing is fixed; and what is out of
@@ -189,12 +194,15 @@ def _solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | None) 
         # block Jacobi would do on several ranks, but there PETSc 3.18 lets the blocks' factors turn indefinite
         chosen = {"ksp_type": "cg", "ksp_rtol": 1e-11, **({"pc_type": "asm", "pc_asm_type": "basic",
                   "sub_pc_type": "icc"} if several else {"pc_type": "icc"})}
-        # small cuts leave rows 1e12 times smaller than others, which the factor takes for zero unless they are scaled
-        chosen.update(ksp_max_it=300, ksp_diagonal_scale=True, ksp_diagonal_scale_fix=True)
+        chosen["ksp_max_it"] = 300
     else:
         chosen = {"ksp_type": "preonly", "pc_type": "cholesky",
                   "pc_factor_mat_solver_type": "mumps" if several else "petsc"}
     chosen.update(options or {})
+    if chosen["pc_type"] in ("icc", "asm"):
+        # small cuts leave rows 1e12 times smaller than others, which the factor takes for zero unless they are scaled;
+        # a full factor does without, and would be made anew for every solve
+        chosen = {"ksp_diagonal_scale": True, "ksp_diagonal_scale_fix": True, **chosen}
     A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     ksp = PETSc.KSP().create(motion.grid.comm)
     prefix = f"mpm_{id(ksp)}_"

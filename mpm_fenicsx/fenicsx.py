@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import SimpleNamespace
 
 from mpi4py import MPI  # before dolfinx: the wheel's dolfinx finds its MPI through it
 
@@ -18,6 +19,10 @@ version = dolfinx.__version__
 _recent = hasattr(fem, "functionspace")
 _SHAPES = {2: "quadrilateral", 3: "hexahedron"}
 _JIT = {"cffi_extra_compile_args": ["-O3", "-march=native"]}
+FORMS_FOLLOW = _recent
+"""Whether forms take up other cells of a ``cell_measure``."""
+MATERIAL = 1
+"""The mark of the cells of a ``cell_measure``."""
 _ADD = la.InsertMode.add if _recent else la.ScatterMode.add
 
 
@@ -68,6 +73,14 @@ def cell_vertices(mesh) -> np.ndarray:
     return np.asarray(table, dtype=np.int32).reshape(-1, 2**mesh.topology.dim)
 
 
+def cell_measure(mesh, cells: np.ndarray):
+    """Measure of the cells, and the list [(MATERIAL, cells)] that says which; 0.5 takes all, whatever the list."""
+    domains = [(MATERIAL, cells)]
+    if not _recent:
+        return ufl.Measure("dx", domain=mesh), domains
+    return ufl.Measure("dx", domain=mesh, subdomain_data=domains, subdomain_id=MATERIAL), domains
+
+
 def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callable):
     """Mesh of quadrilaterals or hexahedra, distributed as told.
 
@@ -93,7 +106,7 @@ def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callab
 
 
 def compile_form(form):
-    """A compiled form, None for the empty sum of terms, or a list to be added up where a one-point rule is among it.
+    """A compiled form, a list of parts to be added up; None for the empty sum of terms.
 
     One-point rules go into a kernel of their own: beside them FFCx (0.5 to 0.11) gives the other rules of a kernel
     the coefficients of that point (what is the same at all points of a rule is kept once for all rules).
@@ -104,11 +117,42 @@ def compile_form(form):
     with _quiet():
         one = [part for part in form.integrals() if part.metadata().get("quadrature_degree", 2) < 2]
         rest = [part for part in form.integrals() if part not in one]
-        return fem.form([ufl.Form(rest), ufl.Form(one)] if one and rest else form, **options)
+        parts = [ufl.Form(rest), ufl.Form(one)] if one and rest else [form]
+        return [_Form(part, options) if _recent else fem.form(part, **options) for part in parts]
+
+
+class _Form:
+    """A form of DOLFINx 0.11 that is made anew when the cells of its measure change: the code stays."""
+
+    def __init__(self, form, options: dict):
+        (self.domain,), self.form = form.subdomain_data(), form
+        self.compiled = fem.compile_form(self.domain.ufl_cargo().comm, form, **options)
+        self.made, self.cells = None, None
+
+    @property
+    def now(self):
+        """The form over the cells that its measure has now."""
+        data = self.form.subdomain_data()[self.domain]
+        cells = data["cell"][0] if "cell" in data else None
+        if self.made is None or (cells and cells[0][1] is not self.cells):
+            from dolfinx.fem import forms
+
+            ids, ufcx = {}, self.compiled.ufcx_form
+            for k, kind in enumerate(fem.IntegralType):
+                ids[kind] = [ufcx.form_integral_ids[j]
+                             for j in range(ufcx.form_integral_offsets[k], ufcx.form_integral_offsets[k + 1])]
+            where = {forms._ufl_to_dolfinx_domain[name]: marks[0] for name, marks in data.items()}
+            where = {kind: forms.get_integration_domains(kind, marks, ids[kind]) for kind, marks in where.items()}
+            mesh = SimpleNamespace(_cpp_object=self.domain.ufl_cargo())
+            self.made = fem.create_form(
+                self.compiled, [a.ufl_function_space() for a in self.form.arguments()], mesh, where,
+                {c: c for c in self.form.coefficients()}, {c: c for c in self.form.constants()})
+            self.cells = cells[0][1] if cells else None
+        return self.made
 
 
 def _parts(form) -> list:
-    return form if isinstance(form, list) else [form]
+    return [part.now if _recent else part for part in form]
 
 
 def gather(f: fem.Function) -> None:

@@ -47,7 +47,7 @@ class FiniteElements(Run):
         numbers = material.density, *material.kinematics.lame(material)
         density, λ, μ = (fem.Constant(grid.mesh, np.array(v)) for v in numbers)
         self._lame = λ, μ
-        scene = self.scene = Scene(grid, motion, density, grid.dx(metadata={"quadrature_degree": 3}))
+        scene = self.scene = Scene(grid, motion, density, motion.region.dx(metadata={"quadrature_degree": 3}))
         internal = [elasticity(scene, λ, μ, self.displacement, b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
         self.contributions = internal + [term.bind(scene) for term in terms]
         if not reassemble:

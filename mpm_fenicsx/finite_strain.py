@@ -71,7 +71,7 @@ class FiniteStrainAtGaussPoints(FiniteStrain):
         super().__init__(motion)
         self.gauss, grid = gauss, motion.grid
         self.stress, self.tangent = (GaussField(grid, n) for n in self._numbers)
-        dx, trial = measure(grid), ufl.TrialFunction(grid.space)
+        dx, trial = measure(motion.region.dx), ufl.TrialFunction(grid.space)
         self.work = forms.nominal_work(self.stress.function, motion.w) * dx
         self.stiffness = forms.nominal_stiffness(self.tangent.function, trial, motion.w) * dx
 
@@ -135,7 +135,8 @@ class FiniteStrainSums(FiniteStrain):
         self._bodies, self._recover = bodies, recover
         self._force = np.zeros((grid.nodes, grid.dim))
         self._start, self._tangent = (Projection(grid, AT_POINTS, self._numbers[1]) for _ in range(2))
-        dx, trial = grid.dx(metadata={"quadrature_degree": AT_POINTS.quadrature}), ufl.TrialFunction(grid.space)
+        dx = motion.region.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
+        trial = ufl.TrialFunction(grid.space)
         self.work = forms.nominal_stiffness(ufl.as_vector(self._start.fields), motion.u, motion.w) * dx
         self.stiffness = forms.nominal_stiffness(ufl.as_vector(self._tangent.fields), trial, motion.w) * dx
 

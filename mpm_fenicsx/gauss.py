@@ -108,9 +108,9 @@ class GaussField:
         fenicsx.gather(self.function)
 
 
-def measure(grid: Grid) -> ufl.Measure:
-    """Integrates over the Gauss points."""
-    return grid.dx(metadata={"quadrature_degree": DEGREE, "quadrature_scheme": "default"})
+def measure(dx: ufl.Measure) -> ufl.Measure:
+    """``dx`` by a sum over the Gauss points."""
+    return dx(metadata={"quadrature_degree": DEGREE, "quadrature_scheme": "default"})
 
 
 def _trilinear(places: np.ndarray, corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,18 +8,19 @@ from dolfinx import fem
 
 from . import fenicsx
 from .grid import Grid
+from .region import Region
 from .time_stepping import Newmark, QuasiStatic
 
 
 class Motion:
     """Displacement increment ``u`` of the step and, in dynamics, velocity ``v`` and acceleration ``a`` before it.
 
-    ``velocity`` and ``acceleration`` are the expressions at the end of the step, affine in u; their factors are
-    constants, so that a new time step compiles nothing.
+    Forms integrate over the cells of ``region``.  ``velocity`` and ``acceleration`` are the expressions at the end of
+    the step, affine in u; their factors are constants, so that a new time step compiles nothing.
     """
 
     def __init__(self, grid: Grid, stepping: Newmark | QuasiStatic):
-        self.grid, self.stepping = grid, stepping
+        self.grid, self.stepping, self.region = grid, stepping, Region(grid)
         self.u = fem.Function(grid.space, name="displacement")
         self.w = ufl.TestFunction(grid.space)
         self.moved: list[tuple[np.ndarray, np.ndarray]] = []  # dofs whose displacement in the step is given, and it

@@ -12,8 +12,9 @@ from scipy.sparse.linalg import lsqr, spsolve
 
 from . import fenicsx
 from .grid import Grid, GridSurface
+from .patches import PointPatch
 from .points import SurfacePoints
-from .scene import PointPatch, Scene
+from .scene import Scene
 from .terms import Traction
 
 HAIR = 1e-6  # of a surface point's weight: so much may lie on nodes that are not fixed

@@ -5,7 +5,6 @@ from __future__ import annotations
 from mpi4py import MPI
 
 import numpy as np
-from dolfinx import fem
 
 from . import fenicsx
 from .checks import one_of
@@ -95,7 +94,7 @@ class Energy(Series):
 
     def _collect(self, run: Run) -> None:
         for name, form in self._forms.items():
-            self._sums[name] += run.grid.comm.allreduce(fem.assemble_scalar(form), op=MPI.SUM)
+            self._sums[name] += run.grid.comm.allreduce(fenicsx.assemble_scalar(form), op=MPI.SUM)
 
     def _now(self, run: Run) -> dict[str, float]:
         return {name: run.grid.comm.allreduce(value, op=MPI.SUM) for name, value in run.energy().items()}

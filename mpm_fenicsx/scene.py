@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import singledispatch
 
 import numpy as np
 import ufl
-from dolfinx import fem
 
-from . import fenicsx, forms
-from .grid import Grid, GridSurface
-from .loads import Load
+from .grid import Grid
 from .motion import Motion
-from .partition import anywhere
-from .points import SurfacePoints
-from .projection import AT_NODES, Projection, simpson
-from .shapes import Stencil
+from .patches import patch
 
 
 @dataclass
@@ -58,190 +51,12 @@ class Scene:
         for refresh in self.before:
             refresh(start, end)
 
+    def mark(self, cells: np.ndarray) -> None:
+        """Mark the cells that hold surface points."""
+        for p in self.patches.values():
+            p.mark(cells)
+
     def carry(self) -> None:
         """After the step: surfaces move, springs remember."""
         for p in self.patches.values():
             p.carry()
-
-
-@singledispatch
-def patch(surface, scene: Scene):
-    """The boundary patch that serves a surface's coefficients to the forms."""
-    raise ValueError(f"on must be facets of the grid or surface points, got {surface!r}")
-
-
-class FacetPatch:
-    """A surface of grid facets: coefficients are constants, integrals go over ``ds``."""
-
-    def __init__(self, surface: GridSurface, scene: Scene):
-        if surface.grid is not scene.grid:
-            raise ValueError(f"on: the facets {surface.names} belong to another grid")
-        self.grid, self.motion = scene.grid, scene.motion
-        self.measure = surface.measure
-        self._refresh: list[Callable[[float, float], None]] = []
-        self._total: fem.Function | None = None
-
-    def tensor(self, along: float, across: float):
-        """Tensor with eigenvalue ``along`` the outward normal and ``across`` it."""
-        mesh = self.grid.mesh
-        values = (fem.Constant(mesh, np.array(v)) for v in (along, across))
-        return forms.along_and_across(ufl.FacetNormal(mesh), *values)
-
-    def held(self, value):
-        """A load (Pa) that is a vector field on the mesh, taken as it is; None for any other.
-
-        Raises ``ValueError`` for a field on another mesh or of another size.
-        """
-        if not isinstance(value, fem.Function):
-            return None
-        if value.function_space.mesh is not self.grid.mesh or value.ufl_shape != (self.grid.dim,):
-            raise ValueError(f"a field on facets must be a vector on the grid's mesh, got {value!r}")
-        return value
-
-    def load(self, function: Load, placed: bool, mean: bool = False):
-        """A load (Pa) at the end of the step or, if ``mean``, its mean over the step."""
-        if placed:
-            V = fenicsx.space(self.grid.mesh, "DQ", 2, (self.grid.dim,))
-            f = fem.Function(V)
-            x = V.tabulate_dof_coordinates()[:, : self.grid.dim]
-        else:
-            f, x = fem.Constant(self.grid.mesh, np.zeros(self.grid.dim)), np.zeros((1, self.grid.dim))
-
-        def refresh(start: float, end: float) -> None:
-            # asked for anew: in DOLFINx 0.5 the view of a constant's value does not keep the constant alive
-            target = f.x.array.reshape(-1, self.grid.dim) if placed else f.value
-            target[:] = 0.5 * (function(start, x) + function(end, x)) if mean else function(end, x)
-
-        self._refresh.append(refresh)
-        return f
-
-    def stored(self, along: float, across: float):
-        """Traction (Pa) of springs that have accumulated the displacement so far."""
-        if self._total is None:
-            self._total = fem.Function(self.grid.space)
-            self._before = fem.Function(self.grid.space)
-        return self.tensor(along, across) * self._before
-
-    def prepare(self, start: float, end: float) -> None:
-        """Bring coefficients to the step."""
-        if self._total is not None:
-            self._before.x.array[:] = self._total.x.array
-        for refresh in self._refresh:
-            refresh(start, end)
-
-    def carry(self) -> None:
-        """Springs remember the step."""
-        if self._total is not None:
-            self._total.x.array[:] += self.motion.u.x.array
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Arrays that a restart needs."""
-        return {} if self._total is None else {"total": self._total.x.array}
-
-
-class PointPatch:
-    """A surface of points inside cells: coefficients are moment fields, integrals go over ``dx`` and are the
-    point sums exactly."""
-
-    def __init__(self, points: SurfacePoints, scene: Scene):
-        if points.x.shape[1] != scene.grid.dim:
-            raise ValueError(f"on: surface points have {points.x.shape[1]} coordinates, the grid {scene.grid.dim}")
-        if not scene.grid.comm.allreduce(len(points)):
-            raise ValueError("on: the surface has no points")
-        self.grid, self.motion, self.points = scene.grid, scene.motion, points
-        self.measure = self.grid.dx(metadata=simpson(self.grid.dim))
-        self.stencil = Stencil(self.grid, len(points), support=False)
-        self._cell = self.grid.find(self._inward())
-        self._check()
-        self._refresh: list[Callable[[float, float], None]] = []
-
-    def _inward(self) -> np.ndarray:
-        """Places a hair inside the body: a point on a cell's edge belongs to the cell with the material."""
-        lat = self.grid.lattice
-        return self.points.x - 1e-9 * (lat.upper - lat.lower).min() * self.points.normal
-
-    def _check(self) -> None:
-        lost, message = np.flatnonzero(self._cell < 0), None
-        if len(lost):
-            message = f"surface point {lost[0]} at x={self.points.x[lost[0]]} lies outside the grid"
-        message = anywhere(self.grid.comm, message)
-        if message:
-            raise ValueError(message)
-
-    def _field(self, fields: int, values: Callable[[float, float], np.ndarray]) -> list[fem.Function]:
-        projection = Projection(self.grid, AT_NODES, fields)
-
-        def refresh(start: float, end: float) -> None:
-            projection.clear()
-            projection.add(self.stencil, self.points.area[:, None] * values(start, end))
-            projection.finish()
-
-        self._refresh.append(refresh)
-        return projection.fields
-
-    def _tensors(self, along: float, across: float) -> np.ndarray:
-        n = self.points.normal
-        return across * np.eye(n.shape[1]) + (along - across) * n[:, :, None] * n[:, None, :]
-
-    def tensor(self, along: float, across: float):
-        """Tensor with eigenvalue ``along`` the outward normal and ``across`` it."""
-        dim = self.grid.dim
-        upper = np.triu_indices(dim)
-        found = self._field(len(upper[0]), lambda *_: self._tensors(along, across)[:, upper[0], upper[1]])
-        at = {(i, j): f for i, j, f in zip(*upper, found, strict=True)}
-        return ufl.as_tensor([[at[min(i, j), max(i, j)] for j in range(dim)] for i in range(dim)])
-
-    def held(self, value):
-        """A load (Pa) that is one row a surface point (n, dim) and moves with them; None for any other.
-
-        Raises ``ValueError`` for rows that do not fit, or a field on the mesh.
-        """
-        rows = isinstance(value, np.ndarray) and value.ndim == 2
-        fits = rows and value.shape == self.points.x.shape and np.isfinite(value).all()
-        if isinstance(value, fem.Function) or (rows and not fits):
-            raise ValueError(f"a load on surface points must be {self.points.x.shape} finite numbers, got {value!r}")
-        constant = value.copy() if rows else None
-        return self.load(lambda *_: constant, placed=True) if rows else None
-
-    def load(self, function: Load, placed: bool, mean: bool = False):
-        """A load (Pa) at the end of the step or, if ``mean``, its mean over the step."""
-        def values(start: float, end: float) -> np.ndarray:
-            at_end = function(end, self.points.x)
-            value = 0.5 * (function(start, self.points.x) + at_end) if mean else at_end
-            return np.broadcast_to(value, self.points.x.shape)
-
-        return ufl.as_vector(self._field(self.grid.dim, values))
-
-    def stored(self, along: float, across: float):
-        """Traction (Pa) of springs that have accumulated the points' displacement so far."""
-        if self.points.displacement is None:
-            self.points.displacement = np.zeros_like(self.points.x)
-
-        def values(*_) -> np.ndarray:
-            return np.einsum("nij,nj->ni", self._tensors(along, across), self.points.displacement)
-
-        return ufl.as_vector(self._field(self.grid.dim, values))
-
-    def prepare(self, start: float, end: float) -> None:
-        """Find the points and bring coefficients to the step."""
-        self.grid.walk(self._inward(), self._cell)
-        self._check()
-        self.stencil.place(self.points.x, None, self._cell)
-        for refresh in self._refresh:
-            refresh(start, end)
-
-    def carry(self) -> None:
-        """Move with the grid's displacement."""
-        u = self.motion.nodal(self.motion.u)
-        self.points.follow(self.stencil.at_points(u), self.stencil.gradient_at_points(u))
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Arrays that a restart needs."""
-        found = {"x": self.points.x, "normal": self.points.normal, "area": self.points.area}
-        if self.points.displacement is not None:
-            found["displacement"] = self.points.displacement
-        return found
-
-
-patch.register(GridSurface)(FacetPatch)
-patch.register(SurfacePoints)(PointPatch)

@@ -58,14 +58,14 @@ class Simulation(Run):
         self.composite = Composite(grid) if mapping.composite else None
         self.projection = Projection(grid, mapping.integrate, 3)
         density, λ, μ = self.projection.fields
-        dx = grid.dx(metadata={"quadrature_degree": mapping.integrate.quadrature})
+        dx = motion.region.dx(metadata={"quadrature_degree": mapping.integrate.quadrature})
         scene = self.scene = Scene(grid, motion, density, dx)
         internal = [elasticity(scene, λ, μ, b_bar=b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
         self.contributions = internal + [term.bind(scene) for term in terms]
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
-        self._internal = np.zeros((grid.nodes, grid.dim))
+        self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
         if stepping.dynamic:
             self.deposit = Deposit(motion, density, dx, sweeps)
             for body in self.bodies:
@@ -84,9 +84,7 @@ class Simulation(Run):
     def advance(self, start: float, end: float, cut: int = 0) -> None:
         """From ``start`` to ``end`` (s); a step that cannot be solved is halved, Newton's ``cuts`` times."""
         self.motion.use(self.stepping.part(0.5**cut))
-        self.locate()
-        self.project()
-        self.scene.prepare(start, end)
+        self.prepare(start, end)
         self.predict()
         try:
             self.solve()
@@ -99,6 +97,14 @@ class Simulation(Run):
         else:
             self.carry()
 
+    def prepare(self, start: float, end: float) -> None:
+        """Where points are, what they give to the grid's fields and terms, and which cells that concerns."""
+        self.locate()
+        self.project()
+        self.scene.prepare(start, end)
+        self.scene.mark(self._held)
+        self.motion.region.cover(self._held)
+
     def locate(self) -> None:
         """Cell, weights and gradients of every point."""
         message = None
@@ -109,12 +115,12 @@ class Simulation(Run):
                 where = "outside the grid" if cell[lost[0]] < 0 else "on another rank, which is not supported yet"
                 message = f"material point {lost[0]} at x={body.x[lost[0]]} lies {where}"
         self._stop_together(message)
-        filled = np.zeros(self.grid.cells, dtype=np.int8)
+        self._held[:] = 0
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             stencil.place(body.x, body.half, cell)
-            filled[cell] = 1
+            self._held[cell] = 1
         if self.composite:
-            self.composite.place(self.grid.share_cells(filled))
+            self.composite.place(self.grid.share_cells(self._held))
 
     def project(self) -> None:
         """Density and Lamé's constants of the points onto the grid's discontinuous fields."""
@@ -159,9 +165,7 @@ class Simulation(Run):
 
     def balance(self) -> tuple[np.ndarray, float]:
         """What supports bear with the points and loads as they are, and what is out of balance elsewhere."""
-        self.locate()
-        self.project()
-        self.scene.prepare(self.time, self.time)
+        self.prepare(self.time, self.time)
         return self.equilibrium.support(self._internal_force())
 
     def _internal_force(self) -> np.ndarray:
@@ -186,9 +190,8 @@ class Simulation(Run):
 
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's points."""
-        found = {"plastic": sum(body.material.kinematics.plastic_work(body)
-                                for body in self.bodies if body.material.history)}
-        found["strain"] = sum(body.material.kinematics.energy(body) for body in self.bodies)
+        found = {"plastic": sum(b.material.kinematics.plastic_work(b) for b in self.bodies if b.material.history),
+                 "strain": sum(b.material.kinematics.energy(b) for b in self.bodies)}
         if self.stepping.dynamic:
             found["kinetic"] = sum(0.5 * float(body.mass @ (body.velocity**2).sum(axis=1)) for body in self.bodies)
         return found

@@ -34,7 +34,7 @@ def elastic_work(scene: Scene, λ, μ, u, w, b_bar: bool = False):
     """
     if not b_bar:
         return forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), w) * scene.dx
-    centre = scene.grid.dx(metadata={"quadrature_degree": 1})
+    centre = scene.motion.region.dx(metadata={"quadrature_degree": 1})
     return forms.distortion_work(μ, u, w) * scene.dx + forms.dilation_work(λ, μ, u, w) * centre
 
 

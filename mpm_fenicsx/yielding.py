@@ -142,7 +142,7 @@ class YieldingAtGaussPoints(Yielding):
         self.gauss, grid = gauss, motion.grid
         self.stress = GaussField(grid, len(self._plane))
         self.tangent = GaussField(grid, len(self._upper[0]))
-        dx, trial = measure(grid), ufl.TrialFunction(grid.space)
+        dx, trial = measure(motion.region.dx), ufl.TrialFunction(grid.space)
         self.work = forms.plastic_work(self.stress.function, motion.w) * dx
         self.stiffness = forms.plastic_stiffness(self.tangent.function, trial, motion.w) * dx
 

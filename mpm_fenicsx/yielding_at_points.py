@@ -31,7 +31,7 @@ class YieldingAtPoints(Yielding):
         self._tangent = Projection(grid, AT_POINTS, len(self._upper[0]))
         self._force = np.zeros((grid.nodes, grid.dim))
         self._rows = [np.arange(len(body), dtype=np.int32) for body in bodies]
-        dx = grid.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
+        dx = motion.region.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
         tangent = forms.plastic_stiffness(ufl.as_vector(self._tangent.fields), ufl.TrialFunction(grid.space), motion.w)
         self.stiffness = tangent * dx
 

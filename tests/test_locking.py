@@ -263,7 +263,7 @@ def test_without_it_nothing_of_it_is_there():
     grid = dense.uneven(2)
     run = Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), QuasiStatic(1), [])
     assert run.gauss is None
-    assert not isinstance(run.equilibrium._tangent, list)
+    assert len(run.equilibrium._tangent) == 1
 
 
 @pytest.mark.parametrize("value", [lambda t: "deep", lambda t: np.nan, lambda t: (0.0, -t)])

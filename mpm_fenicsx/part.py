@@ -1,0 +1,61 @@
+"""The part of a system of equations that is solved: nodes that are free and touch material."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+from petsc4py import PETSc
+
+
+class Part:
+    """Rows and columns of ``whole``, node by node, with vectors ``b`` and ``x`` of their own; ``matrix`` is theirs."""
+
+    def __init__(self, whole: PETSc.Mat):
+        self.whole = whole
+        self._take_all()
+
+    def take(self, used: np.ndarray, diagonal: PETSc.Vec) -> bool:
+        """Rows in ``used`` (dofs,), and all others of their nodes, as the whole is now; all, where none is used.
+
+        Their diagonal becomes that of ``diagonal``, given for the whole.  True if these are other
+        nodes than before.  On several ranks all rows are taken, every time.
+        """
+        bs, changed = self.whole.getBlockSize(), False
+        nodes = used.reshape(-1, bs).any(axis=1)
+        if self.whole.comm.size == 1 and nodes.any():
+            changed = not np.array_equal(nodes, self._used)
+            if changed and nodes.all():
+                self._take_all()
+            elif changed:
+                self._choose(nodes, bs)
+            elif self._nodes is not None:
+                self.whole.createSubMatrix(self._nodes, self._nodes, self.matrix)
+        if self.whole.comm.tompi4py().allreduce(int(not used[self._rows].all()), op=MPI.MAX):
+            self.b.array[:] = diagonal.array[self._rows]
+            self.matrix.setDiagonal(self.b)
+        return changed
+
+    def load(self, values: np.ndarray) -> None:
+        """Right-hand side from values (dofs,) of the whole."""
+        self.b.array[:] = values[self._rows]
+
+    def give(self, values: np.ndarray) -> None:
+        """Solution into values (dofs,) of the whole, zero elsewhere."""
+        values[:] = 0.0
+        values[self._rows] = self.x.array
+
+    def _take_all(self) -> None:
+        self.matrix = self.whole
+        self.b, self.x = self.whole.createVecs()
+        self._nodes: PETSc.IS | None = None
+        self._used = np.ones(self.whole.getLocalSize()[0] // self.whole.getBlockSize(), dtype=bool)
+        self._rows: np.ndarray | slice = slice(None)
+
+    def _choose(self, used: np.ndarray, bs: int) -> None:
+        nodes = np.flatnonzero(used)
+        self._used, self._rows = used, (bs * nodes[:, None] + np.arange(bs)).ravel()
+        self._nodes = PETSc.IS().createBlock(bs, nodes.astype(PETSc.IntType), comm=self.whole.comm)
+        self.matrix = self.whole.createSubMatrix(self._nodes, self._nodes)
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self.b, self.x = self.matrix.createVecs()
