@@ -45,7 +45,8 @@ class FiniteStrain(Yielding):
         κ, d = (None if a is None else a[of] for a in (history, size))
         τ, _, D = material.tangent(strain, np.zeros_like(strain), κ, d)
         stress, tangent = (np.empty((len(at), n)) for n in self._numbers)
-        logarithmic.nominal(self.motion.grid.axes, F, scale, at, of, SHEAR[F.shape[1]], self._plane, τ, D, values, vectors, stress, tangent)
+        logarithmic.nominal(self.motion.grid.axes, F, scale, at, of, SHEAR[F.shape[1]], self._plane, τ, D, values,
+                            vectors, stress, tangent)
         return stress, tangent
 
 

@@ -129,7 +129,8 @@ def responses(body, f):
     strain, values, vectors = FINITE_STRAIN.trial(state, f - np.eye(dim), rows, rows)
     τ, _, D = law.tangent(strain, np.zeros_like(strain), body.history, None)
     P, A = np.empty((n, dim**2)), np.empty((n, dim**2 * (dim**2 + 1) // 2))
-    logarithmic.nominal(tuple(range(dim)), f, 1.0 / J, rows, rows, SHEAR[dim], tensors.in_plane(dim), τ, D, values, vectors, P, A)
+    logarithmic.nominal(tuple(range(dim)), f, 1.0 / J, rows, rows, SHEAR[dim], tensors.in_plane(dim), τ, D, values,
+                        vectors, P, A)
     return P.reshape(n, dim, dim), A
 
 
