@@ -13,12 +13,12 @@ from .recorders import Energy, Probe
 from .run import RunError
 from .simulation import Simulation
 from .terms import Fixed, Gravity, Traction, Viscoelastic, Viscous
-from .time_stepping import Newmark, QuasiStatic
+from .time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .velocities import flip, trapezoidal
 
 __all__ = [
     "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Energy", "FiniteElements", "Fixed",
-    "Gravity", "Grid", "Hencky", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe",
-    "QuasiStatic", "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction", "Viscoelastic", "Viscous",
-    "VonMises", "flip", "trapezoidal",
+    "GeneralizedAlpha", "Gravity", "Grid", "Hencky", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton",
+    "Probe", "QuasiStatic", "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction", "Viscoelastic",
+    "Viscous", "VonMises", "flip", "trapezoidal",
 ]

@@ -47,6 +47,7 @@ class Equilibrium:
             residual = ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)}) if residual else residual
         self._parts = [c.force for c in contributions if c.force]
         self._residual, self._tangent = fenicsx.compile_form(residual), fenicsx.compile_form(tangent)
+        self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
         ours = motion.stepping.dynamic and options is None
         self.matrix = fenicsx.create_matrix(self._tangent, "baij" if ours else None)
         if motion.region.follows:  # PETSc drops entries that the first assembly leaves out
@@ -110,7 +111,7 @@ class Equilibrium:
 
     def _assemble(self, internal: np.ndarray | None) -> np.ndarray:
         r = self.force.x.array
-        r[:] = 0.0 if internal is None else internal
+        r[:] = 0.0 if internal is None else self._known * internal
         if self.yielding is not None:
             self.yielding.add_force(r)
         if self._residual is not None:
@@ -178,7 +179,7 @@ class Equilibrium:
             r[:] = 0.0
             if form is self._forces[0]:
                 if internal is not None:
-                    r[:] = internal
+                    r[:] = self._known * internal
                 if self.yielding is not None:
                     self.yielding.add_force(r)
             fenicsx.assemble_vector(self.force, form)

@@ -31,6 +31,10 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
     def _start(self) -> None:
         self._kirchhoff = np.linalg.det(self.deformation)[:, None] * self.state
         self._before = FINITE_STRAIN.state(self.material, self._kirchhoff)
+        if self.motion.stepping.start:
+            τ, dim = tensors.matrix(self._kirchhoff, self.motion.grid.dim), self.motion.grid.dim
+            P = τ @ np.linalg.inv(self.deformation).transpose(0, 2, 1)
+            self._nominal = self.motion.stepping.start * P.reshape(len(P), dim * dim)
 
     def _step(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """F at the end of the step, and the gradient f - 1 of the step, f = F Fₙ⁻¹."""
@@ -42,6 +46,8 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         states = self._before, self._one, self.history, self.size
         rows = self._all
         self.stress.rows[:], self.tangent.rows[:] = self._response(self.material, states, gradient, F, rows, rows)
+        if self.motion.stepping.start:
+            self.stress.rows += self._nominal
 
     def take(self, other: FiniteStrainElements) -> None:
         """Go on from another run's state."""

@@ -11,6 +11,12 @@ Load = Callable[[float, np.ndarray], np.ndarray]
 """Load at time t (s) and places x (n, dim): (dim,) or (n, dim)."""
 
 
+def combined(load: Load, start: float, end: float, x: np.ndarray, weight: float) -> np.ndarray:
+    """Load at the end of a step and, where ``weight`` is not zero, so much of that at its start on top."""
+    value = load(end, x)
+    return value + weight * load(start, x) if weight else value
+
+
 def as_load(name: str, value, dim: int) -> tuple[Load, bool]:
     """A load as a function of time and place, and whether it depends on place.
 

@@ -15,8 +15,9 @@ from .time_stepping import Newmark, QuasiStatic
 class Motion:
     """Displacement increment ``u`` of the step and, in dynamics, velocity ``v`` and acceleration ``a`` before it.
 
-    Forms integrate over the cells of ``region``.  ``velocity`` and ``acceleration`` are the expressions at the end of
-    the step, affine in u; their factors are constants, so that a new time step compiles nothing.
+    Forms integrate over the cells of ``region``.  ``velocity`` and ``acceleration`` are the expressions in the balance
+    of forces (see ``time_stepping``), affine in u; their factors are constants, so that a new time step compiles
+    nothing.
     """
 
     def __init__(self, grid: Grid, stepping: Newmark | QuasiStatic):
@@ -38,9 +39,14 @@ class Motion:
         self.stepping = stepping
         if not stepping.dynamic:
             return
-        self._factors[0].value[:] = stepping.velocity
-        self._factors[1].value[:] = stepping.acceleration
+        for constant, factors in zip(self._factors, stepping.balanced, strict=True):
+            constant.value[:] = factors
         self.dt.value = np.array(stepping.dt)
+
+    def known(self, force):
+        """A force that was there before the step, constant in it, as it counts in the balance."""
+        start = self.stepping.start
+        return force if start == 0.0 else fem.Constant(self.grid.mesh, np.array(1.0 + start)) * force
 
     def nodal(self, f: fem.Function) -> np.ndarray:
         """Values of a vector field, a view (nodes, dim)."""

@@ -11,7 +11,7 @@ from dolfinx import fem
 
 from . import fenicsx, forms
 from .grid import GridSurface
-from .loads import Load
+from .loads import Load, combined
 from .partition import anywhere
 from .points import SurfacePoints
 from .projection import AT_NODES, Projection, simpson
@@ -53,7 +53,7 @@ class FacetPatch:
         return value
 
     def load(self, function: Load, placed: bool, mean: bool = False):
-        """A load (Pa) at the end of the step or, if ``mean``, its mean over the step."""
+        """A load (Pa) as it counts in the balance or, if ``mean``, its mean over the step."""
         if placed:
             V = fenicsx.space(self.grid.mesh, "DQ", 2, (self.grid.dim,))
             f = fem.Function(V)
@@ -64,7 +64,8 @@ class FacetPatch:
         def refresh(start: float, end: float) -> None:
             # asked for anew: in DOLFINx 0.5 the view of a constant's value does not keep the constant alive
             target = f.x.array.reshape(-1, self.grid.dim) if placed else f.value
-            target[:] = 0.5 * (function(start, x) + function(end, x)) if mean else function(end, x)
+            target[:] = 0.5 * combined(function, start, end, x, 1.0) if mean else \
+                combined(function, start, end, x, self.motion.stepping.start)
 
         self._refresh.append(refresh)
         return f
@@ -158,14 +159,15 @@ class PointPatch:
         if isinstance(value, fem.Function) or (rows and not fits):
             raise ValueError(f"a load on surface points must be {self.points.x.shape} finite numbers, got {value!r}")
         constant = value.copy() if rows else None
-        return self.load(lambda *_: constant, placed=True) if rows else None
+        return ufl.as_vector(self._field(self.grid.dim, lambda *_: constant)) if rows else None
 
     def load(self, function: Load, placed: bool, mean: bool = False):
-        """A load (Pa) at the end of the step or, if ``mean``, its mean over the step."""
+        """A load (Pa) as it counts in the balance or, if ``mean``, its mean over the step."""
         def values(start: float, end: float) -> np.ndarray:
-            at_end = function(end, self.points.x)
-            value = 0.5 * (function(start, self.points.x) + at_end) if mean else at_end
-            return np.broadcast_to(value, self.points.x.shape)
+            x = self.points.x
+            value = 0.5 * combined(function, start, end, x, 1.0) if mean else \
+                combined(function, start, end, x, self.motion.stepping.start)
+            return np.broadcast_to(value, x.shape)
 
         return ufl.as_vector(self._field(self.grid.dim, values))
 

@@ -154,7 +154,7 @@ class Simulation(Run):
             volumetric = stencil.mean_of_cells(self.gauss.mean_divergence(u)) if self.gauss is not None else None
             body.material.kinematics.respond(body, gradient, volumetric)
             if self.stepping.dynamic:
-                self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping.dt)
+                self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping)
             try:
                 body.deform(stencil.at_points(u), gradient, smooth)
             except ValueError as error:

@@ -13,7 +13,7 @@ from ufl import inner
 from . import forms
 from .checks import finite, one_of, positive
 from .grid import GridSurface
-from .loads import as_load
+from .loads import as_load, combined
 from .points import SurfacePoints
 from .scene import Contribution, Scene
 
@@ -41,7 +41,7 @@ def elastic_work(scene: Scene, λ, μ, u, w, b_bar: bool = False):
 def elasticity(scene: Scene, λ, μ, before=None, b_bar: bool = False) -> Contribution:
     """Virtual work of the stress of the increment u, on top of the displacement ``before`` if that is given."""
     motion = scene.motion
-    u = motion.u if before is None else before + motion.u
+    u = motion.u if before is None else motion.known(before) + motion.u
     work = elastic_work(scene, λ, μ, u, motion.w, b_bar)
     return Contribution(work, force=work)
 
@@ -99,7 +99,7 @@ class Traction:
         patch, motion = scene.patch(self.on), scene.motion
         held = patch.held(self.value)
         load = partial(patch.load, *as_load("value of Traction", self.value, scene.grid.dim)) if held is None else \
-            lambda mean=False: held
+            lambda mean=False: held if mean else motion.known(held)
         work = -forms.load(load(), motion.w) * patch.measure
         return Contribution(work, lambda: {
             "work": forms.load(load(mean=True), motion.u) * patch.measure}, work)
@@ -131,10 +131,10 @@ class Gravity:
             return f
 
         def energy() -> dict[str, object]:
-            mean = coefficient(lambda start, end: 0.5 * (function(start, x) + function(end, x)))
+            mean = coefficient(lambda start, end: 0.5 * combined(function, start, end, x, 1.0))
             return {"work": forms.load(scene.density * mean, motion.u) * scene.dx}
 
-        g = coefficient(lambda _, end: function(end, x))
+        g = coefficient(lambda start, end: combined(function, start, end, x, motion.stepping.start))
         work = -forms.load(scene.density * g, motion.w) * scene.dx
         return Contribution(work, energy, work)
 
@@ -179,5 +179,6 @@ class Viscoelastic(Viscous):
         G = self.material.lame[1]
         stiffness = 2 * G / self.radius, G / (2 * self.radius)
         k, stored = patch.tensor(*stiffness), patch.stored(*stiffness)
-        return Contribution(viscous.work + forms.spring(k, motion.u, stored, motion.w) * patch.measure, lambda: {
+        spring = forms.spring(k, motion.u, motion.known(stored), motion.w)
+        return Contribution(viscous.work + spring * patch.measure, lambda: {
             **viscous.energy(), "stored": inner(0.5 * k * motion.u + stored, motion.u) * patch.measure})

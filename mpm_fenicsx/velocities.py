@@ -13,6 +13,7 @@ from .checks import whole
 from .motion import Motion
 from .points import MaterialPoints
 from .shapes import Stencil
+from .time_stepping import Newmark
 
 
 class Deposit:
@@ -61,14 +62,15 @@ def _divide(nodal: np.ndarray, mass: np.ndarray) -> None:
     nodal *= np.divide(there, np.where(there, mass, 1.0))
 
 
-def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, dt: float) -> None:
-    """Points carry their acceleration: v += Δt/2 (a + a₁(x_p)), then a = a₁(x_p)."""
+def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple,
+                stepping: Newmark) -> None:
+    """Points carry their acceleration: v += Δt ((1 - γ) a + γ a₁(x_p)), γ = ½ unless asked, then a = a₁(x_p)."""
     a_end = at_points(after[1])
-    v += 0.5 * dt * (a + a_end)
+    v += stepping.dt * ((1.0 - stepping.gamma) * a + stepping.gamma * a_end)
     a[:] = a_end
 
 
-def flip(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, dt: float) -> None:
+def flip(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, stepping: Newmark) -> None:
     """Points take the grid's change of velocity: v += (v₁ − v₀)(x_p), and its acceleration."""
     v += at_points(after[0] - before[0])
     a[:] = at_points(after[1])

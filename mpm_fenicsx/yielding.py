@@ -197,7 +197,7 @@ class YieldingElements(YieldingAtGaussPoints):
     def clear(self) -> None:
         """Nothing yields in this step; what yielded before stays."""
         super().clear()
-        self.stress.rows[:] = (self.state - self._elastic)[:, self._plane]
+        self.stress.rows[:] = (1.0 + self.motion.stepping.start) * (self.state - self._elastic)[:, self._plane]
 
     def _respond(self, u: np.ndarray) -> None:
         strain = self.gauss.strain(u)

@@ -154,22 +154,23 @@ def test_a_transfer_is_exact_for_a_constant_acceleration(transfer):
     v0, g, dt = rng.normal(size=(6, 2)), np.array([3.0, -7.0]), 0.1
     v, a = weights @ v0, np.tile(g, (9, 1))
     start = v.copy()
-    transfer(v, a, lambda nodal: weights @ nodal, (v0, np.tile(g, (6, 1))), (v0 + g * dt, np.tile(g, (6, 1))), dt)
+    before, after = (v0, np.tile(g, (6, 1))), (v0 + g * dt, np.tile(g, (6, 1)))
+    transfer(v, a, lambda nodal: weights @ nodal, before, after, Newmark(dt))
     np.testing.assert_allclose(v, start + g * dt, rtol=1e-13)
     np.testing.assert_allclose(a, np.tile(g, (9, 1)), rtol=1e-13)
 
 
 def test_transfers_by_their_formulae():
-    """Random fields: FLIP adds the change of the grid's velocity, the other one the mean of two accelerations."""
+    """Random fields: FLIP adds the change of the grid's velocity, the other one Newmark's mean of two accelerations."""
     rng = np.random.default_rng(4)
     weights = rng.dirichlet(np.ones(6), size=9)
     before, after = tuple(rng.normal(size=(2, 6, 3))), tuple(rng.normal(size=(2, 6, 3)))
     v, a = rng.normal(size=(2, 9, 3))
     for transfer in (flip, trapezoidal):
         new = v.copy(), a.copy()
-        transfer(*new, lambda nodal: weights @ nodal, before, after, 0.2)
+        transfer(*new, lambda nodal: weights @ nodal, before, after, Newmark(0.2, beta=0.35, gamma=0.7))
         change = after[0] - before[0] if transfer is flip else None
-        exact = v + (weights @ change if transfer is flip else 0.1 * (a + weights @ after[1]))
+        exact = v + (weights @ change if transfer is flip else 0.06 * a + 0.14 * (weights @ after[1]))
         np.testing.assert_allclose(new[0], exact, rtol=1e-13)
         np.testing.assert_allclose(new[1], weights @ after[1], rtol=1e-13)
 
