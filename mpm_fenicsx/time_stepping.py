@@ -63,47 +63,51 @@ class Newmark:
 
 @dataclass(frozen=True)
 class GeneralizedAlpha(Newmark):
-    """Newmark's step with forces balanced inside it, which damps high frequencies (Chung & Hulbert, J. Appl. Mech. 60,
+    """Newmark's step with forces balanced inside it, which damps what is fast (Chung & Hulbert, J. Appl. Mech. 60,
     371-375, 1993).
 
         M [(1 - α_m) a₁ + α_m a₀] + (1 - α_f) F(u₁, v₁) + α_f F(u₀, v₀) = (1 - α_f) P(t₁) + α_f P(t₀)
-        α_m = (2ρ - 1)/(ρ + 1),  α_f = ρ/(ρ + 1),  γ = ½ - α_m + α_f,  β = ¼ (1 - α_m + α_f)²
+        γ = ½ + s,  β = ¼ (1 + s)²,  s = α_f - α_m = (1 - ρ)/(1 + ρ),  w = α_f/(1 - α_f)
 
-    ``spectral_radius`` ρ of a step, 0 to 1, is what is left of a vibration much faster than ``dt`` (s) after it; slow
-    ones are damped the least that second order allows.  ρ = 1 is the trapezoidal rule, where forces balance at the
-    start.  Divided by 1 - α_f = 1/(1 + ρ) the balance reads
+    of second order.  ``spectral_radius`` ρ, 0 to 1: what is left of a vibration much faster than ``dt`` (s) after a
+    step; 1 keeps all.  ``start`` w, 0 to ρ: weight of the forces at the start of the step, those at its end weighing 1.
+    With 0 (Wood, Bossak & Zienkiewicz, Int. J. Numer. Methods Eng. 15, 1562-1566, 1980) only inertia changes, and ρ = 1
+    is Newmark's trapezoidal rule whatever the start: the choice for material points, whose forces are not quite in
+    balance at the start of a step.  ρ (Chung & Hulbert) damps slow vibrations the least: the choice for finite elements
+    that start with the acceleration of their loads.  Divided by 1 - α_f the balance reads
 
-        M [(2 - ρ) a₁ + (2ρ - 1) a₀] + F(u₁, v₁) + ρ F(u₀, v₀) = P(t₁) + ρ P(t₀)
+        M [(1 + s + w s) a₁ + (w - s - w s) a₀] + F(u₁, v₁) + w F(u₀, v₀) = P(t₁) + w P(t₀)
 
-    so that what u adds to forces keeps its factor 1, in every law.  A start out of balance (points at rest, without
-    their acceleration, under a load that is there at t = 0) leaves a trace (1 - 2ρ)ⁿ/(2 - ρ)ⁿ in the acceleration.
-    Raises ``ValueError`` for dt <= 0 or ρ outside [0, 1].
+    so that what u adds to forces keeps its factor 1, in every law.
+    Raises ``ValueError`` for dt <= 0, ρ outside [0, 1] or w outside [0, ρ].
     """
 
     beta: float = field(init=False, repr=False)
     gamma: float = field(init=False, repr=False)
     spectral_radius: float = 0.8
+    start: float = 0.0
 
     def __post_init__(self) -> None:
-        ρ = finite("spectral_radius", self.spectral_radius)
+        ρ, w = finite("spectral_radius", self.spectral_radius), finite("start", self.start)
         if not 0.0 <= ρ <= 1.0:
             raise ValueError(f"spectral_radius must lie in [0, 1], got {ρ}")
-        shift = (1 - ρ) / (1 + ρ)  # α_f - α_m
-        for name, value in (("spectral_radius", ρ), ("beta", 0.25 * (1 + shift) ** 2), ("gamma", 0.5 + shift)):
+        if not 0.0 <= w <= ρ:
+            raise ValueError(f"start must lie in [0, {ρ}], 0 to spectral_radius, got {w}")
+        s = self._shift
+        for name, value in (("spectral_radius", ρ), ("start", w), ("beta", 0.25 * (1 + s) ** 2), ("gamma", 0.5 + s)):
             object.__setattr__(self, name, value)
         super().__post_init__()
 
     @property
-    def start(self) -> float:
-        """Weight of the start's forces, ρ."""
-        return self.spectral_radius
+    def _shift(self) -> float:
+        return (1 - self.spectral_radius) / (1 + self.spectral_radius)
 
     @property
     def balanced(self) -> tuple[Factors, Factors]:
-        """Factors of u, v, a in v₁ + ρ v and (2 - ρ) a₁ + (2ρ - 1) a."""
-        ρ, (c0, c1, c2) = self.spectral_radius, self.velocity
-        d0, d1, d2 = ((2 - ρ) * d for d in self.acceleration)
-        return (c0, c1 + ρ, c2), (d0, d1, d2 + 2 * ρ - 1)
+        """Factors of u, v, a in v₁ + w v and in (1 + s + w s) a₁ + (w - s - w s) a."""
+        w, s, (c0, c1, c2) = self.start, self._shift, self.velocity
+        d0, d1, d2 = ((1 + s + w * s) * d for d in self.acceleration)
+        return (c0, c1 + w, c2), (d0, d1, d2 + w - s - w * s)
 
 
 @dataclass(frozen=True)

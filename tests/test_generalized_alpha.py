@@ -32,16 +32,22 @@ from mpm_fenicsx import (
 )
 from mpm_fenicsx.motion import Motion
 
-RADII = (0.0, 0.5, 0.8, 1.0)
-RADIUS = pytest.mark.parametrize("ρ", RADII)
+RADIUS = pytest.mark.parametrize("ρ, w", [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.8, 0.3), (0.8, 0.8), (1.0, 0.0),
+                                          (1.0, 1.0)])
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 LAWS = {"elastic": dense.SOIL, "von Mises": VonMises(dense.SOIL, 10e3, 5e3, 1e6), "Hencky": Hencky(20e6, 0.25, 1500.0)}
 
 
-def amplification(Ω, ρ, ξ=0.0):
-    """(u, Δt v, Δt² a) of ü + 2ξω u̇ + ω²u = 0 over a step Ω = ωΔt, by the definitions (Chung & Hulbert, eqs. 2-8, 17),
+def alphas(ρ, w):
+    """α_m, α_f: Chung & Hulbert's for w = ρ, Wood, Bossak & Zienkiewicz's for w = 0."""
+    known = {ρ: ((2 * ρ - 1) / (ρ + 1), ρ / (ρ + 1)), 0.0: ((ρ - 1) / (ρ + 1), 0.0)}
+    return known.get(w, (w / (1 + w) - (1 - ρ) / (1 + ρ), w / (1 + w)))
+
+
+def amplification(Ω, ρ, w, ξ=0.0):
+    """(u, Δt v, Δt² a) of ü + 2ξω u̇ + ω²u = 0 over a step Ω = ωΔt, by the definitions (Chung & Hulbert 1993),
     and what a load Δt² ((1 - α_f) p₁ + α_f p₀) adds."""
-    αm, αf = (2 * ρ - 1) / (ρ + 1), ρ / (ρ + 1)
+    αm, αf = alphas(ρ, w)
     γ, β = 0.5 - αm + αf, (1 - αm + αf) ** 2 / 4
     end = np.array([[1.0, 0.0, -β], [0.0, 1.0, -γ], [(1 - αf) * Ω**2, (1 - αf) * 2 * ξ * Ω, 1 - αm]])
     start = np.array([[1.0, 1.0, 0.5 - β], [0.0, 1.0, 1 - γ], [-αf * Ω**2, -αf * 2 * ξ * Ω, -αm]])
@@ -49,9 +55,9 @@ def amplification(Ω, ρ, ξ=0.0):
 
 
 @RADIUS
-def test_the_matrix_has_the_spectral_radius_asked_for(ρ):
+def test_the_matrix_has_the_spectral_radius_asked_for(ρ, w):
     """ρ at infinity, where all eigenvalues meet; never above 1; 1 for slow vibrations."""
-    radius = [np.abs(np.linalg.eigvals(amplification(Ω, ρ)[0])).max() for Ω in np.logspace(-3, 4, 60)]
+    radius = [np.abs(np.linalg.eigvals(amplification(Ω, ρ, w)[0])).max() for Ω in np.logspace(-3, 4, 60)]
     assert max(radius) < 1 + 1e-7
     assert radius[0] == pytest.approx(1.0, abs=1e-6)
     assert radius[-1] == pytest.approx(ρ, abs=0.02)
@@ -60,15 +66,15 @@ def test_the_matrix_has_the_spectral_radius_asked_for(ρ):
 
 
 @RADIUS
-def test_factors_are_the_definitions(ρ):
+def test_factors_are_the_definitions(ρ, w):
     """A step of an oscillator by the factors, the balance written over 1 - α_f, equals the matrix."""
     dt, ω, ξ, rng = 0.3, 7.0, 0.2, np.random.default_rng(0)
-    step, (x, v, a) = GeneralizedAlpha(dt, ρ), rng.normal(size=3)
+    step, (x, v, a) = GeneralizedAlpha(dt, ρ, w), rng.normal(size=3)
     (c, d), (C, D) = (step.velocity, step.acceleration), step.balanced
     u = -(np.dot(D[1:], (v, a)) + 2 * ξ * ω * np.dot(C[1:], (v, a)) + (1 + step.start) * ω**2 * x)
     u /= D[0] + 2 * ξ * ω * C[0] + ω**2
     found = x + u, dt * np.dot(c, (u, v, a)), dt**2 * np.dot(d, (u, v, a))
-    expected = amplification(ω * dt, ρ, ξ)[0] @ (x, dt * v, dt**2 * a)
+    expected = amplification(ω * dt, ρ, w, ξ)[0] @ (x, dt * v, dt**2 * a)
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
 
 
@@ -93,14 +99,14 @@ def state(run):
 
 @pytest.mark.parametrize("courant", [0.3, 20.0])
 @RADIUS
-def test_one_element_follows_the_matrix_step_by_step(ρ, courant):
+def test_one_element_follows_the_matrix_step_by_step(ρ, w, courant):
     def load(t):
         return 1e3 * np.cos(40 * t)
 
-    step = GeneralizedAlpha(courant * 0.5 / SOIL.p_speed, ρ)
+    step = GeneralizedAlpha(courant * 0.5 / SOIL.p_speed, ρ, w)
     run, ω, ξ, mass = one_element(step, load)
-    dt, αf, known = step.dt, ρ / (1 + ρ), np.zeros(3)
-    A, b = amplification(ω * dt, ρ, ξ)
+    dt, αf, known = step.dt, alphas(ρ, w)[1], np.zeros(3)
+    A, b = amplification(ω * dt, ρ, w, ξ)
     for n in range(40):
         run.step()
         p = ((1 - αf) * load((n + 1) * dt) + αf * load(n * dt)) / mass
@@ -109,14 +115,14 @@ def test_one_element_follows_the_matrix_step_by_step(ρ, courant):
 
 
 @RADIUS
-def test_second_order(ρ):
+def test_second_order(ρ, w):
     """Error after a fixed time against the exact damped vibration; a is that of the balance at the start."""
     ω, ξ, end = 3.0, 0.1, 2.0
     roots = np.array([-ξ + 1j * np.sqrt(1 - ξ**2), -ξ - 1j * np.sqrt(1 - ξ**2)]) * ω
     share = np.linalg.solve([np.ones(2), roots], [1.0, 0.5])
     errors = []
     for n in (200, 400):
-        dt, A = end / n, amplification(ω * end / n, ρ, ξ)[0]
+        dt, A = end / n, amplification(ω * end / n, ρ, w, ξ)[0]
         x, v, _ = np.linalg.matrix_power(A, n) @ [1.0, 0.5 * dt, -(ω**2 + 2 * ξ * ω * 0.5) * dt**2]
         exact = (share * np.exp(roots * end)).sum().real, (share * roots * np.exp(roots * end)).sum().real
         errors.append(np.abs([x - exact[0], v / dt - exact[1]]).max())
@@ -126,7 +132,7 @@ def test_second_order(ρ):
 def test_a_radius_of_one_is_the_trapezoidal_rule():
     """Where forces balance at the start."""
     found = []
-    for stepping in (Newmark(1e-3), GeneralizedAlpha(1e-3, 1.0)):
+    for stepping in (Newmark(1e-3), GeneralizedAlpha(1e-3, 1.0, 1.0)):
         run, *_ = one_element(stepping, lambda t: 1e3 * np.sin(90 * t))
         for _ in range(100):
             run.step()
@@ -135,35 +141,50 @@ def test_a_radius_of_one_is_the_trapezoidal_rule():
     np.testing.assert_allclose(found[0], found[1], rtol=1e-10)
 
 
+def test_a_radius_of_one_is_the_trapezoidal_rule_bit_by_bit_with_the_balance_at_the_end():
+    """Random points, out of balance at the start."""
+    found = []
+    for stepping in (Newmark(1e-3), GeneralizedAlpha(1e-3, 1.0)):
+        body = dense.random_body(dense.uneven(2), np.random.default_rng(6))
+        grid = Grid.box((-1, -1), (2, 2), (9, 9))
+        load = Traction(body.surface("top"), lambda t: (0.0, 1e3 + t))
+        run = Simulation(grid, body, stepping, [load, Viscoelastic(body.surface("bottom"), SOIL, 3.0)], DM_GC)
+        run.until(3e-3)
+        found.append(np.hstack((body.x, body.velocity, body.acceleration, body.stress)))
+    np.testing.assert_array_equal(*found)
+
+
 @RADIUS
 @pytest.mark.parametrize("law", LAWS)
-def test_forces_of_finite_elements_balance_inside_the_step(law, ρ):
-    """A bar under a sudden blow: M [(2 - ρ) a₁ + (2ρ - 1) a₀] + A (σ₁ + ρ σ₀) = 0 for one element that cannot move
-    sideways; its nominal stress is Cauchy's."""
+def test_forces_of_finite_elements_balance_inside_the_step(law, ρ, w):
+    """A bar under a sudden blow: M [(1 - α_m) a₁ + α_m a₀] + A [(1 - α_f) σ₁ + α_f σ₀] = 0 for one element that cannot
+    move sideways; its nominal stress is Cauchy's."""
     grid = Grid.box((0, 0), (1, 1), (1, 1))
     fixed = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
-    run = FiniteElements(grid, LAWS[law], GeneralizedAlpha(2e-3, ρ), fixed, newton=Newton(tolerance=1e-11))
+    run = FiniteElements(grid, LAWS[law], GeneralizedAlpha(2e-3, ρ, w), fixed, newton=Newton(tolerance=1e-11))
     right = grid.space.tabulate_dof_coordinates()[:, 0] > 0.5
     run.motion.nodal(run.motion.v)[right, 0] = -5.0
-    mass, before = LAWS[law].density / 3, (0.0, 0.0)
+    mass, before, (αm, αf) = LAWS[law].density / 3, (0.0, 0.0), alphas(ρ, w)
     for _ in range(12):
         run.step()
         now = run.motion.nodal(run.motion.a)[right, 0].mean(), run.stress(np.array([0]))[0, 0]
-        inertia = mass * ((2 - ρ) * now[0] + (2 * ρ - 1) * before[0])
-        assert inertia + now[1] + ρ * before[1] == pytest.approx(0.0, abs=1e-8 * abs(inertia))
+        inertia = mass * ((1 - αm) * now[0] + αm * before[0])
+        assert inertia + (1 - αf) * now[1] + αf * before[1] == pytest.approx(0.0, abs=1e-8 * abs(inertia))
         before = now
     assert abs(now[1]) > 1e4
 
 
-@pytest.mark.parametrize("ρ", [0.5, 1.0])
+@pytest.mark.parametrize("ρ, w", [(0.5, 0.0), (0.5, 0.5), (1.0, 1.0)])
 @pytest.mark.parametrize("law", LAWS)
-def test_forces_of_material_points_balance_inside_the_step(law, ρ):
+def test_forces_of_material_points_balance_inside_the_step(law, ρ, w):
     """The same, node by node, for points placed at random, with gravity that varies, on linear shape functions."""
     grid, rng = dense.uneven(2), np.random.default_rng(5)
     body = dense.random_body(grid, rng, material=LAWS[law])
     body.stress *= 0.01 if law == "von Mises" else 1.0
     terms = [Fixed(grid.facets("bottom")), Gravity(lambda t: (3.0 + 4e3 * t, -9.81))]
-    run = Simulation(grid, body, GeneralizedAlpha(1e-3, ρ), terms, MPM, newton=Newton(tolerance=1e-11))
+    run = Simulation(grid, body, GeneralizedAlpha(1e-3, ρ, w), terms, MPM, newton=Newton(tolerance=1e-11))
+
+    αm, αf = alphas(ρ, w)
 
     def force(stress):
         nodal = np.zeros((grid.nodes, 2))
@@ -178,16 +199,16 @@ def test_forces_of_material_points_balance_inside_the_step(law, ρ):
         P = tensors.matrix(body.stress, 2)
         if law == "Hencky":
             P = np.linalg.det(f)[:, None, None] * P @ np.linalg.inv(f).transpose(0, 2, 1)
-        mean = (2 - ρ) * motion.end()[1] + (2 * ρ - 1) * motion.nodal(motion.a)
-        g = (1 + ρ) * np.array([3.0, -9.81]) + np.array([4e3 * 1e-3 * (n + 1 + ρ * n), 0.0])
+        mean = (1 - αm) * motion.end()[1] + αm * motion.nodal(motion.a)
+        g = np.array([3.0 + 4e3 * 1e-3 * (n + 1 - αf), -9.81])
         M = dense.matrix(forms.inertia(run.scene.density, ufl.TrialFunction(grid.space), motion.w) * run.scene.dx)
         inertia = M @ (mean - g).ravel()
-        left = inertia + force(P) + ρ * force(stress)
+        left = inertia + (1 - αf) * force(P) + αf * force(stress)
         free = ~run.equilibrium.fixed
         assert np.abs(left[free]).max() < 1e-8 * np.abs(force(P)).max()
 
 
-@pytest.mark.parametrize("stepping", [Newmark(0.05, beta=0.4, gamma=0.7), GeneralizedAlpha(0.05, 0.3)], ids=["γ", "α"])
+@pytest.mark.parametrize("stepping", [Newmark(0.05, 0.4, 0.7), GeneralizedAlpha(0.05, 0.3, 0.2)], ids=["γ", "α"])
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
 def test_points_take_the_velocity_of_the_grids_rule(mapping, stepping):
     """A body without stress under gravity that grows: what its points have is what its nodes have."""
@@ -208,23 +229,23 @@ def test_a_body_that_falls_from_rest_with_its_acceleration_is_where_it_should_be
     grid, g, dt = Grid.box((0, 0), (3, 3), (6, 6)), np.array([4.0, 2.0]), 0.05
     body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0))
     start, body.acceleration = body.x.copy(), np.tile(g, (len(body), 1))
-    run = Simulation(grid, body, GeneralizedAlpha(dt, 0.4), [Gravity(g)], mapping)
+    run = Simulation(grid, body, GeneralizedAlpha(dt, 0.4, 0.4), [Gravity(g)], mapping)
     run.until(8 * dt)
     np.testing.assert_allclose(body.x, start + g * (8 * dt) ** 2 / 2, rtol=1e-8)
 
 
 @pytest.mark.parametrize("k", [1, 7])
-@pytest.mark.parametrize("ρ", [1.0, 0.8, 0.5])
-def test_modes_of_a_bar_lose_what_the_matrix_says(ρ, k):
+@pytest.mark.parametrize("ρ, w", [(1.0, 0.0), (0.8, 0.0), (0.8, 0.8), (0.5, 0.5)])
+def test_modes_of_a_bar_lose_what_the_matrix_says(ρ, w, k):
     """The slowest and the fastest of 8 cells, Courant 2: modes sin θx, ω² = 6 c² (1 - cos θ)/(2 + cos θ)."""
     grid, dt, steps, θ = Grid.box((0, 0), (8, 1), (8, 1)), 2.0 / SOIL.p_speed, 50, k * np.pi / 8
-    run = FiniteElements(grid, SOIL, GeneralizedAlpha(dt, ρ), [
+    run = FiniteElements(grid, SOIL, GeneralizedAlpha(dt, ρ, w), [
         Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")])
     run.motion.nodal(run.motion.v)[:, 0] = np.sin(θ * grid.space.tabulate_dof_coordinates()[:, 0])
     energy = run.record(Energy())
     run.until(steps * dt)
     Ω = 2.0 * np.sqrt(6 * (1 - np.cos(θ)) / (2 + np.cos(θ)))
-    u, v, _ = np.linalg.matrix_power(amplification(Ω, ρ)[0], steps) @ [0.0, 1.0, 0.0]
+    u, v, _ = np.linalg.matrix_power(amplification(Ω, ρ, w)[0], steps) @ [0.0, 1.0, 0.0]
     assert energy.left[-1] / energy.left[0] == pytest.approx(Ω**2 * u**2 + v**2, rel=1e-6, abs=1e-12)
     np.testing.assert_allclose(energy.lost, energy.left[0] - energy.left, atol=1e-9 * energy.left[0])
 
@@ -237,13 +258,15 @@ def test_newmark_does_not_pay():
 
 
 def test_a_part_of_a_step_has_the_same_radius():
-    assert GeneralizedAlpha(0.2, 0.6).part(0.5) == GeneralizedAlpha(0.1, 0.6)
+    assert GeneralizedAlpha(0.2, 0.6, 0.1).part(0.5) == GeneralizedAlpha(0.1, 0.6, 0.1)
     assert replace(GeneralizedAlpha(0.2, 0.6), dt=0.3).gamma == GeneralizedAlpha(1.0, 0.6).gamma
 
 
 @pytest.mark.parametrize("parameters, name", [
     ({"dt": 0.0, "spectral_radius": 0.5}, "dt"), ({"dt": 0.1, "spectral_radius": 1.1}, "spectral_radius .* 1.1"),
     ({"dt": 0.1, "spectral_radius": -0.1}, "spectral_radius"),
+    ({"dt": 0.1, "spectral_radius": 0.5, "start": 0.6}, "start .* 0.6"),
+    ({"dt": 0.1, "spectral_radius": 0.5, "start": -0.1}, "start"),
     ({"dt": 0.1, "spectral_radius": np.nan}, "spectral_radius"),
 ])
 def test_senseless_radii_are_refused(parameters, name):
@@ -263,7 +286,7 @@ def test_a_load_that_stays_as_it_is_counts_as_one_that_is_constant(surface):
         elif held:
             load = fem.Function(grid.space)
             load.x.array[:] = np.tile((-300.0, 0.0), grid.nodes)
-        run = Simulation(grid, body, GeneralizedAlpha(1e-3, 0.5), [Fixed(grid.facets("left")), Traction(on, load)])
+        run = Simulation(grid, body, GeneralizedAlpha(1e-3, 0.5, 0.5), [Fixed(grid.facets("left")), Traction(on, load)])
         energy = run.record(Energy())
         run.until(5e-3)
         found.append(np.append(body.velocity.ravel(), energy["work"][-1]))
