@@ -10,6 +10,7 @@ import ufl
 from dolfinx import fem
 
 from . import fenicsx, forms
+from .faces import Faces
 from .grid import GridSurface
 from .loads import Load, combined
 from .partition import anywhere
@@ -99,7 +100,7 @@ class FacetPatch:
 
 class PointPatch:
     """A surface of points inside cells: coefficients are moment fields, integrals go over ``dx`` and are the
-    point sums exactly."""
+    point sums exactly, those of ``Faces``."""
 
     def __init__(self, points: SurfacePoints, scene):
         if points.x.shape[1] != scene.grid.dim:
@@ -109,19 +110,21 @@ class PointPatch:
         self.grid, self.motion, self.points = scene.grid, scene.motion, points
         self.measure = scene.motion.region.dx(metadata=simpson(self.grid.dim))
         self.stencil = Stencil(self.grid, len(points), support=False)
+        self.faces = Faces(self.grid, points)
         self._cell = self.grid.find(self._inward())
         self._check()
         self._refresh: list[Callable[[float, float], None]] = []
 
     def _inward(self) -> np.ndarray:
-        """Places a hair inside the body: a point on a cell's edge belongs to the cell with the material."""
-        lat = self.grid.lattice
-        return self.points.x - 1e-9 * (lat.upper - lat.lower).min() * self.points.normal
+        return self.faces.within(self.points.x, self.points.normal)
 
     def _check(self) -> None:
         lost, message = np.flatnonzero(self._cell < 0), None
         if len(lost):
             message = f"surface point {lost[0]} at x={self.points.x[lost[0]]} lies outside the grid"
+        self._refuse(message)
+
+    def _refuse(self, message: str | None) -> None:
         message = anywhere(self.grid.comm, message)
         if message:
             raise ValueError(message)
@@ -131,7 +134,7 @@ class PointPatch:
 
         def refresh(start: float, end: float) -> None:
             projection.clear()
-            projection.add(self.stencil, self.points.area[:, None] * values(start, end))
+            projection.add(self.faces.stencil, self.faces.spread(self.points.area[:, None] * values(start, end)))
             projection.finish()
 
         self._refresh.append(refresh)
@@ -186,12 +189,13 @@ class PointPatch:
         self.grid.walk(self._inward(), self._cell)
         self._check()
         self.stencil.place(self.points.x, None, self._cell)
+        self._refuse(self.faces.place(self.stencil))
         for refresh in self._refresh:
             refresh(start, end)
 
     def mark(self, cells: np.ndarray) -> None:
-        """Mark the cells that hold the points."""
-        cells[self._cell] = 1
+        """Mark the cells that hold the points, or pieces of their faces."""
+        cells[self.faces.stencil.cell] = 1
 
     def carry(self) -> None:
         """Move with the grid's displacement."""

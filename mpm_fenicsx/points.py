@@ -16,7 +16,8 @@ from .lattice import SIDES
 @dataclass
 class SurfacePoints:
     """Points without thickness on a surface: ``x`` (n, dim), m; outward unit ``normal`` (n, dim);
-    ``area`` (n,), m² (m per metre in plane strain).
+    ``area`` (n,), m² (m per metre in plane strain).  ``per_face``: so many in a row are the Gauss points of one face,
+    whose loads are then integrated piece by piece where grid lines cross it; 1 where each stands for itself.
 
     Raises ``ValueError`` for arrays that do not fit, a normal that is not a unit vector, or an area <= 0.
     """
@@ -25,6 +26,7 @@ class SurfacePoints:
     normal: np.ndarray
     area: np.ndarray
     displacement: np.ndarray | None = None  # since the start; only where a spring asks for it
+    per_face: int = 1
 
     def __post_init__(self) -> None:
         self.x, self.normal, self.area = (np.array(v, float) for v in (self.x, self.normal, self.area))
@@ -36,6 +38,9 @@ class SurfacePoints:
             raise ValueError(f"normal must be a unit vector, got one of length {length[np.argmax(abs(length - 1))]}")
         if not (self.area > 0.0).all():
             raise ValueError(f"area must be positive, got {self.area.min()}")
+        if self.per_face not in (1, 2 ** (self.x.shape[1] - 1)) or len(self) % self.per_face:
+            raise ValueError(f"per_face must be 1 or {2 ** (self.x.shape[1] - 1)}, with whole faces, got "
+                             f"{self.per_face} for {len(self)} points")
 
     def __len__(self) -> int:
         return len(self.x)
@@ -183,7 +188,8 @@ class MaterialPoints:
         if self.exposed is None:
             raise ValueError("surface needs points made by fill; give SurfacePoints(x, normal, area) instead")
         parts = [self._side(one_of("side", side, list(SIDES)[: 2 * self.dim]), where) for side in sides]
-        return SurfacePoints(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        found = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return SurfacePoints(*found, per_face=2 ** (self.dim - 1))
 
     def _side(self, side: str, where: Callable[[np.ndarray], np.ndarray] | None) -> tuple[np.ndarray, ...]:
         """Places, normals and areas of the surface points on one side."""

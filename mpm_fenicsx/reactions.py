@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import ufl
 from dolfinx import fem
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, vstack
 from scipy.sparse.linalg import lsqr, spsolve
 
 from . import fenicsx
@@ -45,9 +45,9 @@ def _at_points(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Seq
     patches = [PointPatch(surface, scene) for surface in surfaces]
     for patch in patches:
         patch.prepare(0.0, 0.0)
-    nodes, weights = (np.concatenate([getattr(p.stencil, name) for p in patches]) for name in ("nodes", "values"))
+    weights = vstack([patch.faces.weights for patch in patches], format="csr")  # (points, nodes)
     root = np.sqrt(np.concatenate([surface.area for surface in surfaces]))
-    free = np.einsum("mk,mkc->mc", weights, ~fixed[nodes])
+    free = abs(weights) @ (~fixed).astype(float)
     there = free <= HAIR  # (points, dim)
     cuts = np.cumsum([len(surface) for surface in surfaces])[:-1]
     _refuse_free([part.any() for part in np.split(there, cuts)])
@@ -56,10 +56,9 @@ def _at_points(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Seq
         rows = np.flatnonzero(there[:, c])
         if not len(rows):
             continue
-        entries = (weights * root[:, None])[rows]
-        A = csr_matrix((entries.ravel(), (nodes[rows].ravel(), np.repeat(np.arange(len(rows)), entries.shape[1]))),
-                       shape=(len(fixed), len(rows)))
-        touched = np.flatnonzero(np.bincount(nodes[rows].ravel(), weights[rows].ravel(), len(fixed)) > HAIR)
+        mine = weights[rows]
+        A = csr_matrix(mine.multiply(root[rows, None])).T.tocsr()
+        touched = np.flatnonzero(np.asarray(mine.sum(axis=0)).ravel() > HAIR)
         A, R = A[touched], borne[touched, c]
         scale = 1.0 / np.sqrt(np.asarray(A.multiply(A).sum(axis=1)).ravel())
         B = csr_matrix(A.multiply(scale[:, None]))

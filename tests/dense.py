@@ -72,6 +72,23 @@ def hats(grid: Grid, x: np.ndarray) -> np.ndarray:
     return out
 
 
+def over_faces(grid: Grid, surface, values: np.ndarray) -> np.ndarray:
+    """Σ ∫ f N_i dA (nodes, columns) over a surface's faces (2D) with f A linear through ``values`` (n, columns) at
+    their Gauss points, piece by piece between all lines of the grid."""
+    nodes, total = grid.space.tabulate_dof_coordinates()[:, :2], 0.0
+    ξ, w = np.polynomial.legendre.leggauss(4)
+    for x, v in zip(surface.x.reshape(-1, 2, 2), values.reshape(len(surface) // 2, 2, -1), strict=True):
+        centre, half = x.mean(axis=0), np.sqrt(0.75) * (x[1] - x[0])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            cuts = np.concatenate([(np.unique(nodes[:, d].round(12)) - centre[d]) / half[d] for d in range(2)])
+        ends = np.unique([-1.0, *cuts[np.abs(cuts) < 1.0], 1.0])
+        middle, reach = (ends[1:] + ends[:-1]) / 2, np.diff(ends) / 2
+        s = (middle[:, None] + np.outer(reach, ξ)).ravel()
+        f = v.mean(axis=0) + np.sqrt(0.75) * s[:, None] * (v[1] - v[0])
+        total = total + hats(grid, centre + s[:, None] * half).T @ (np.outer(reach, w).reshape(-1, 1) * f)
+    return total
+
+
 def rotation(rng, dim: int) -> np.ndarray:
     """A random rotation matrix."""
     Q, R = np.linalg.qr(rng.normal(size=(dim, dim)))

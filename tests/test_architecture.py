@@ -17,7 +17,7 @@ FLOORS = {
     "fenicsx": 1, "partition": 1, "grid": 1, "region": 1, "forms": 1, "output": 1,
     "shapes": 2, "composite": 2, "projection": 2, "motion": 2, "scene": 2, "terms": 2, "mapping": 2,
     "loads": 0, "reactions": 2, "gauss": 2, "velocities": 2, "yielding": 2, "yielding_at_points": 2, "equilibrium": 2,
-    "part": 2, "patches": 2, "finite_strain": 2, "finite_strain_elements": 2,
+    "part": 2, "patches": 2, "faces": 2, "finite_strain": 2, "finite_strain_elements": 2,
     "run": 3, "simulation": 3, "finite_elements": 3,
     "recorders": 4,
     "": 5,

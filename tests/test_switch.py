@@ -172,7 +172,7 @@ def test_tractions_sum_to_the_nodal_reactions(mapping, rng):
     run, on = loaded(mapping, rng)
     run.settle(1e-8)
     borne, _ = run.balance()
-    found = sum(dense.hats(run.grid, term.on.x).T @ (term.on.area[:, None] * term.value)
+    found = sum(dense.over_faces(run.grid, term.on, term.on.area[:, None] * term.value)
                 for term in run.reactions(*on))
     assert np.abs(borne).max() > 1e4
     assert np.abs(found.ravel() - borne).max() < 1e-8 * np.abs(borne).max()

@@ -1,0 +1,124 @@
+"""Faces that surface points stand for, cut where grid lines cross them.
+
+The Gauss points of a face carry a load; between them it is f(s) = Σ_g ℓ_g(s) f_g, the polynomial through them.  A face
+within a cell needs no more: ∫ f N_i dA = Σ_g A_g f_g N_i(x_g).  Where a grid line crosses it N_i has a kink, and the
+integral is taken piece by piece, each with Gauss points q of its own,
+
+    ∫ f N_i dA = Σ_q Σ_g W_qg A_g f_g N_i(x_q),   Σ_q W_qg = 1:
+
+exact for faces along the grid, also against N_i N_j.  With the face's own points a load misses the nodes beside a
+line by a part of it that does not vanish with the fill of the cells, and moves the light ones among them.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from .grid import Grid
+from .kernels import digits
+from .points import SurfacePoints
+from .shapes import Stencil
+
+SQRT3 = np.sqrt(3.0)
+SLIVER = 1e-9  # of half a face: no piece is shorter; of a cell: a face that extends no further crosses no line
+
+
+class Faces:
+    """Where the loads of surface points act: ``stencil``, that of the points, or of pieces where lines cut faces."""
+
+    def __init__(self, grid: Grid, points: SurfacePoints):
+        self.grid, self.points = grid, points
+        self._hair = 1e-9 * (grid.lattice.upper - grid.lattice.lower).min(initial=np.inf)
+        self._cut: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # whole points; pieces: face, W
+
+    def within(self, x: np.ndarray, normal: np.ndarray) -> np.ndarray:
+        """Places a hair inside the body: a point on a cell's edge belongs to the cell with the material."""
+        return x - self._hair * normal
+
+    def place(self, own: Stencil) -> str | None:
+        """Cut the faces where they are now, ``own`` being the points' stencil; returns what is wrong, if anything."""
+        self.stencil, self._cut = own, None
+        k = self.points.per_face
+        if k == 1 or not len(self.points):
+            return None
+        x, cell = self.points.x.reshape(-1, k, self.grid.dim), own.cell[::k].copy()
+        normal = self.points.normal[::k]
+        self.grid.walk(self.within(x.mean(axis=1), normal), cell)
+        ends = _ends(x, cell, self.grid.lattice)
+        crossed = np.flatnonzero((ends < 1.0).any(axis=(1, 2)))
+        if not len(crossed):
+            return None
+        place, at, weight = _pieces(x[crossed], ends[crossed])
+        face = crossed[at]
+        whole = np.flatnonzero(~np.isin(np.arange(len(own)) // k, crossed))
+        where = cell[face]
+        self.grid.walk(self.within(place, normal[face]), where)
+        lost = np.flatnonzero(where < 0)
+        if len(lost):
+            return f"a face of the surface reaches out of the grid at x={place[lost[0]]}"
+        self._cut = whole, face, weight
+        self.stencil = Stencil(self.grid, len(whole) + len(face), support=False)
+        self.stencil.place(np.concatenate((self.points.x[whole], place)), None,
+                           np.concatenate((own.cell[whole], where)))
+        return None
+
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """What the stencil's points bear of the points' area-weighted values (n, f)."""
+        if self._cut is None:
+            return values
+        whole, face, weight = self._cut
+        by_face = values.reshape(-1, self.points.per_face, values.shape[1])
+        return np.concatenate((values[whole], np.einsum("qg,qgf->qf", weight, by_face[face])))
+
+    @property
+    def weights(self) -> csr_matrix:
+        """What a load of 1 on each point gives to the nodes (points, nodes)."""
+        nodes, values = self.stencil.nodes, self.stencil.values
+        row = np.repeat(np.arange(len(nodes)), nodes.shape[1])
+        at = csr_matrix((values.ravel(), (row, nodes.ravel())), shape=(len(nodes), self.grid.nodes))
+        if self._cut is None:
+            return at
+        whole, face, weight = self._cut
+        k, bears = self.points.per_face, np.arange(len(whole), len(nodes))
+        column = np.concatenate((whole, (k * face[:, None] + np.arange(k)).ravel()))
+        share = np.concatenate((np.ones(len(whole)), weight.ravel()))
+        row = np.concatenate((np.arange(len(whole)), np.repeat(bears, k)))
+        return csr_matrix((share, (column, row)), shape=(len(self.points), len(nodes))) @ at
+
+
+def _ends(x: np.ndarray, cell: np.ndarray, lattice) -> np.ndarray:
+    """Where the lines around the centres' cells cut faces (faces, axes, 2 dim), s in (-1, 1), sorted; 1 for nowhere."""
+    dim = x.shape[2]
+    centre, lines = x.mean(axis=1), np.stack((lattice.lower[cell], lattice.upper[cell]), axis=2)
+    there = (lattice.neighbour[cell] >= 0) & (cell >= 0)[:, None, None]
+    found = []
+    for axis in _axes(x):
+        reach = np.abs(axis) > SLIVER * (lines[:, :, 1] - lines[:, :, 0])
+        s = (lines - centre[:, :, None]) / np.where(reach, axis, 1.0)[:, :, None]
+        found.append(np.sort(np.where(there & reach[:, :, None] & (np.abs(s) < 1.0 - SLIVER), s, 1.0)
+                             .reshape(-1, 2 * dim), axis=1))
+    return np.stack(found, axis=1)
+
+
+def _axes(x: np.ndarray) -> list[np.ndarray]:
+    """From the centres of faces to their sides, along each of their axes (faces, dim)."""
+    sign = 2 * digits(2, x.shape[2] - 1) - 1
+    return [SQRT3 * np.einsum("g,fgd->fd", sign[:, j], x) / len(sign) for j in range(sign.shape[1])]
+
+
+def _pieces(x: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss points (m, dim) of the pieces, their faces (m,) and W (m, points of a face)."""
+    faces, dim = len(x), x.shape[2]
+    edge = np.concatenate((-np.ones((*ends.shape[:2], 1)), ends, np.ones((*ends.shape[:2], 1))), axis=2)
+    half, middle = 0.5 * np.diff(edge, axis=2), 0.5 * (edge[:, :, 1:] + edge[:, :, :-1])
+    s = (middle[..., None] + half[..., None] * np.array([-1.0, 1.0]) / SQRT3).reshape(faces, dim - 1, -1)
+    weight = np.repeat(half, 2, axis=2)
+    many = digits(s.shape[2], dim - 1)  # a Gauss point along each axis
+    s, weight = (np.stack([a[:, j, many[:, j]] for j in range(dim - 1)], axis=2) for a in (s, weight))
+    face, q = np.nonzero((weight > 0.0).all(axis=2))
+    s, weight = s[face, q], weight[face, q].prod(axis=1)
+    place = x.mean(axis=1)[face] + sum(s[:, j, None] * axis[face] for j, axis in enumerate(_axes(x)))
+    sign = 2 * digits(2, dim - 1) - 1
+    shape = (0.5 * (1.0 + SQRT3 * sign * s[:, None])).prod(axis=2)  # ℓ_g, (m, k)
+    return place, face, weight[:, None] * shape
