@@ -3,6 +3,7 @@
 from mpi4py import MPI as _MPI  # noqa: F401  before dolfinx: it loads the MPI library of the wheel
 
 from .finite_elements import FiniteElements
+from .ghost_penalty import GhostPenalty
 from .grid import Grid
 from .mapping import CMPM, DM, DM_C, DM_G, DM_GC, GIMP, MAPPINGS, MPM, Mapping
 from .materials import Hencky, LinearElastic, VonMises
@@ -18,7 +19,7 @@ from .velocities import flip, trapezoidal
 
 __all__ = [
     "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Energy", "FiniteElements", "Fixed",
-    "GeneralizedAlpha", "Gravity", "Grid", "Hencky", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton",
-    "Probe", "QuasiStatic", "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction", "Viscoelastic",
-    "Viscous", "VonMises", "flip", "trapezoidal",
+    "GeneralizedAlpha", "GhostPenalty", "Gravity", "Grid", "Hencky", "LinearElastic", "Mapping", "MaterialPoints",
+    "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction",
+    "Viscoelastic", "Viscous", "VonMises", "flip", "trapezoidal",
 ]

@@ -49,27 +49,38 @@ class Equilibrium:
         self._residual, self._tangent = fenicsx.compile_form(residual), fenicsx.compile_form(tangent)
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
         ours = motion.stepping.dynamic and options is None
-        self.matrix = fenicsx.create_matrix(self._tangent, "baij" if ours else None)
-        if motion.region.follows:  # PETSc drops entries that the first assembly leaves out
-            fenicsx.assemble_matrix(self.matrix, self._tangent, [])
-            self.matrix.assemble()
+        # PETSc shifts pivots of rows, not of blocks; with facets between cells an incomplete factor needs that
+        self._kind = "baij" if ours and motion.region.dS is None else None
+        self._allocate()
         self.force, self.increment = fem.Function(V, name="residual"), fem.Function(V, name="increment")
         self._owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
         self.fixed = np.zeros(len(self.force.x.array), dtype=bool)
         for bc in fixed:
             dofs, _ = bc.dof_indices()
             self.fixed[dofs] = True
-        self._diagonal = self.matrix.createVecLeft()
         self.idle = np.zeros(self._owned, dtype=bool)
-        self.part = Part(self.matrix)
         self.ksp = _solver(self.matrix, motion, options)
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
         self._can_rescue = ours
         self._rescue: PETSc.KSP | None = None
 
+    def _allocate(self) -> None:
+        """The matrix, with room for what the region may come to integrate over."""
+        self.matrix = fenicsx.create_matrix(self._tangent, self._kind)
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        if self.motion.region.follows:  # PETSc drops entries that the first assembly leaves out
+            fenicsx.assemble_matrix(self.matrix, self._tangent, [])
+            self.matrix.assemble()
+        self._diagonal = self.matrix.createVecLeft()
+        self.part = Part(self.matrix)
+
     def assemble_tangent(self) -> None:
         """K with the law's tangent as it is, and the part of it that is to be solved."""
+        if self.motion.region.outgrown:
+            with self.motion.region.room():
+                self._allocate()
+            self._reset()
         A = self.matrix
         A.zeroEntries()
         fenicsx.assemble_matrix(A, self._tangent, self.bcs)
@@ -82,10 +93,13 @@ class Equilibrium:
         bare = self.idle | ~free
         d[bare] = largest if largest > 0.0 else 1.0
         if self.part.take(~bare, self._diagonal):
-            for ksp in (self.ksp, self._rescue):
-                if ksp is not None:
-                    ksp.reset()
+            self._reset()
         self.ksp.setOperators(self.part.matrix)
+
+    def _reset(self) -> None:
+        for ksp in (self.ksp, self._rescue):
+            if ksp is not None:
+                ksp.reset()
 
     def solve(self, internal: np.ndarray | None = None, reassemble: bool = True) -> None:
         """Solve for the motion's u; ``internal`` (dofs,), N: internal force that is no form, summed at points.
@@ -204,7 +218,6 @@ def _solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | None) 
         # small cuts leave rows 1e12 times smaller than others, which the factor takes for zero unless they are scaled;
         # a full factor does without, and would be made anew for every solve
         chosen = {"ksp_diagonal_scale": True, "ksp_diagonal_scale_fix": True, **chosen}
-    A.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     ksp = PETSc.KSP().create(motion.grid.comm)
     prefix = f"mpm_{id(ksp)}_"
     ksp.setOptionsPrefix(prefix)

@@ -6,7 +6,7 @@ A field projected from material points and a constant of a finite element run ar
 from __future__ import annotations
 
 import numpy as np
-from ufl import Identity, as_matrix, as_vector, div, grad, inner, outer, sym, tr
+from ufl import Identity, as_matrix, as_vector, div, dot, grad, inner, jump, outer, sym, tr
 
 from .tensors import SHEAR
 
@@ -99,3 +99,13 @@ def spring(stiffness, u, stored, w):
 def load(force, w):
     """Virtual work of a force per area (Pa) or per volume (N/m³)."""
     return inner(force, w)
+
+
+def across(J, n):
+    """Size of a cell of a rectilinear grid across its facet of normal n, J its Jacobian."""
+    return sum(abs(dot(n, J[:, k])) for k in range(len(n)))
+
+
+def kink(weight, u, w, n):
+    """Virtual work against a jump of ∂u/∂n between two cells, of a ``weight`` (Pa m)."""
+    return weight * inner(jump(grad(u), n), jump(grad(w), n))

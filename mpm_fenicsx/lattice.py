@@ -33,6 +33,19 @@ class Lattice:
         """The patches one after the other, for the compiled loops: without sign, and 0 where there is no node."""
         return np.maximum(self.patch, 0).astype(np.uint32).ravel()
 
+    def spread(self, values: np.ndarray) -> np.ndarray:
+        """The largest of each cell's value (cells,) and those of the cells beside it, corners included.
+
+        In ghost cells only of those that this rank knows.
+        """
+        out = values.copy()
+        for d in range(self.lower.shape[1]):
+            before = out.copy()
+            for beyond in self.neighbour[:, d].T:
+                there = beyond >= 0
+                out[there] = np.maximum(out[there], before[beyond[there]])
+        return out
+
 
 def beside(lower: np.ndarray, upper: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Neighbours across facets and the nodes of the 4^dim patch of each cell, through shared nodes."""

@@ -27,13 +27,15 @@ class Contribution:
 class Scene:
     """Collects what the terms of a simulation need, and no more.
 
-    ``density`` is the field or constant ρ (kg/m³); ``dx`` integrates what it weighs.
+    ``density`` is the field or constant ρ (kg/m³); ``dx`` integrates what it weighs; ``lame`` are the fields λ and μ
+    (Pa) of material points, which like ``density`` are less where a cell is partly filled.
     """
 
     grid: Grid
     motion: Motion
     density: object
     dx: ufl.Measure
+    lame: tuple = ()
     fixed: list = field(default_factory=list)
     before: list[Callable[[float, float], None]] = field(default_factory=list)
     patches: dict[int, object] = field(default_factory=dict)

@@ -59,7 +59,7 @@ class Simulation(Run):
         self.projection = Projection(grid, mapping.integrate, 3)
         density, λ, μ = self.projection.fields
         dx = motion.region.dx(metadata={"quadrature_degree": mapping.integrate.quadrature})
-        scene = self.scene = Scene(grid, motion, density, dx)
+        scene = self.scene = Scene(grid, motion, density, dx, (λ, μ))
         internal = [elasticity(scene, λ, μ, b_bar=b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
         self.contributions = internal + [term.bind(scene) for term in terms]
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None

@@ -19,6 +19,7 @@ from mpm_fenicsx import (
     MPM,
     FiniteElements,
     Fixed,
+    GhostPenalty,
     Gravity,
     Grid,
     LinearElastic,
@@ -142,12 +143,12 @@ def still(dim: int, mapping) -> dict:
     return out
 
 
-def moving(dim: int, mapping, b_bar: bool = False) -> dict:
-    """A few steps."""
+def moving(dim: int, mapping, b_bar: bool = False, more: tuple = ()) -> dict:
+    """A few steps, with ``more`` terms."""
     grid = grid_of(dim)
     body, number = body_of(grid)
     terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets("left", "right"), "x"),
-             Viscoelastic(grid.facets("bottom"), SOIL, 3.0), Viscoelastic(markers_of(grid), SOIL, 2.0)]
+             Viscoelastic(grid.facets("bottom"), SOIL, 3.0), Viscoelastic(markers_of(grid), SOIL, 2.0), *more]
     run = Simulation(grid, body, Newmark(1e-4), terms, mapping, solver={"ksp_rtol": 1e-13}, b_bar=b_bar)
     for _ in range(4):
         run.step()
@@ -217,6 +218,7 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
             cases[f"still {dim}D {mapping}"] = still(dim, mapping)
             cases[f"moving {dim}D {mapping}"] = moving(dim, mapping)
         cases[f"moving {dim}D B-bar"] = moving(dim, DM_GC, b_bar=True)
+        cases[f"moving {dim}D GhostPenalty"] = moving(dim, DM_GC, more=(GhostPenalty(),))
         cases[f"static twin {dim}D B-bar"] = twin(dim, QuasiStatic(3), b_bar=True)
         cases[f"twin {dim}D"] = twin(dim, Newmark(1e-3))
         cases[f"static twin {dim}D"] = twin(dim, QuasiStatic(3))

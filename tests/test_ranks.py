@@ -61,7 +61,7 @@ def test_points_that_do_not_move_give_the_same_numbers(several, serial, dim, map
         assert difference(several[case][quantity], expected) < tolerance, quantity
 
 
-@pytest.mark.parametrize("mapping", ["MPM", "GIMP", "DM-GC", "B-bar"])
+@pytest.mark.parametrize("mapping", ["MPM", "GIMP", "DM-GC", "B-bar", "GhostPenalty"])
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_few_steps_lead_to_the_same_points(several, serial, dim, mapping):
     case = f"moving {dim}D {mapping}"

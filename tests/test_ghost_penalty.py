@@ -1,0 +1,236 @@
+"""Ghost penalty: what it does not touch, what it is by hand, and that light nodes stay where the others are."""
+
+import dense
+import numpy as np
+import pytest
+
+from mpm_fenicsx import (
+    DM_GC,
+    GIMP,
+    MPM,
+    FiniteElements,
+    Fixed,
+    GhostPenalty,
+    Gravity,
+    Grid,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    Simulation,
+    Traction,
+    Viscous,
+)
+
+SOIL = dense.SOIL
+M = SOIL.density * SOIL.p_speed**2
+H, STRESS = 0.25, 100e3
+DIM = pytest.mark.parametrize("dim", [2, 3])
+DT = 1e-3
+
+
+CURE = (GhostPenalty(),)
+
+
+def block(dim, cut, mapping, stepping, terms=CURE, n=3):
+    """A block of n cells each way whose upper corner lies ``cut`` of a cell beyond the grid lines, with room around."""
+    grid = Grid.box([-2 * H] * dim, [(n + 3) * H] * dim, [n + 5] * dim)
+    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: ((x > 0) & (x < n * H)).all(axis=0))
+    body.x += cut * H
+    return Simulation(grid, body, stepping, terms, mapping)
+
+
+def ready(run):
+    """The run, at the start of its first step."""
+    run.prepare(0.0, run.stepping.dt)
+    run.equilibrium.assemble_tangent()
+    return run
+
+
+def force(run, u, v=None, a=None):
+    """Nodal forces (nodes, dim) of the penalty."""
+    motion = run.motion
+    for f, values in ((motion.u, u), *(((motion.v, v), (motion.a, a)) if run.stepping.dynamic else ())):
+        motion.nodal(f)[:] = values
+    return dense.vector(run.grid.space, run.contributions[-1].work).reshape(u.shape)
+
+
+def condition(run):
+    """Condition number of the matrix with unit diagonal, rows of idle nodes left out."""
+    real = ~run.equilibrium.idle
+    A = dense.dense(run.equilibrium.matrix)[np.ix_(real, real)]
+    value = np.linalg.eigvalsh(A / np.sqrt(np.outer(A.diagonal(), A.diagonal())))
+    return value[-1] / value[0]
+
+
+# -- what it does not touch ---------------------------------------------------------------------------------------
+
+
+@DIM
+@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+def test_linear_motions_do_not_feel_it_and_momentum_is_kept(dim, mapping):
+    rng = np.random.default_rng(0)
+    grid = dense.uneven(dim)
+    body = dense.random_body(grid, rng, inside=lambda x: x.sum(axis=0) < 0.55 * dim)
+    run = ready(Simulation(grid, body, Newmark(DT), CURE, mapping))
+    x = grid.space.tabulate_dof_coordinates()[:, :dim]
+    motions = rng.normal(size=(3, *x.shape))
+    found = force(run, *motions)
+    size = np.abs(found).max()
+    assert size > 0.0
+    affine = [x @ rng.normal(size=(dim, dim)) + rng.normal(size=dim) for _ in range(3)]
+    assert np.abs(force(run, *affine)).max() < 1e-13 * size
+    assert np.abs(found.sum(axis=0)).max() < 1e-13 * size
+    moment = np.einsum("ni,nj->ij", x, found)
+    assert np.abs(moment - moment.T).max() < 1e-13 * size
+
+
+@DIM
+@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+def test_a_body_in_free_flight_stays_as_it_is(dim, mapping):
+    """It goes from cell to cell; its surface points, under no load, lie a hair outside, in cells without material."""
+    run = block(dim, 0.0, mapping, Newmark(DT), n=2)
+    body = run.bodies[0]
+    surface = body.surface("right")
+    surface.x[:, 0] += 1e-6 * H
+    run = Simulation(run.grid, body, run.stepping, [Traction(surface, (0.0,) * dim), *CURE], mapping,
+                     solver={"ksp_type": "preonly", "pc_type": "lu"})
+    v = np.array([1.0, 0.17, -0.05])[:dim] * H / DT
+    body.velocity[:] = v
+    start = body.x.copy()
+    for _ in range(2):
+        run.step()
+    assert np.abs(body.x - start - 2 * DT * v).max() < 1e-12
+    assert np.abs(body.velocity - v).max() < 1e-11 * v.max()
+    assert np.abs(body.stress).max() < 1e-9 * M
+
+
+def test_where_cells_are_full_and_in_finite_elements_there_is_nothing():
+    whole, bare = (ready(block(2, 0.0, DM_GC, Newmark(DT), terms)) for terms in (CURE, []))
+    assert np.array_equal(dense.dense(whole.equilibrium.matrix), dense.dense(bare.equilibrium.matrix))
+    assert bare.motion.region.dS is None
+    grid, found = dense.uneven(2), []
+    for terms in ([], CURE):
+        run = FiniteElements(grid, SOIL, Newmark(DT), [Fixed(grid.facets("bottom")), Gravity((0.0, -9.81)), *terms])
+        run.step()
+        assert run.motion.region.dS is None
+        found.append(run.displacement.x.array.copy())
+    assert np.array_equal(*found) and np.abs(found[0]).max() > 0.0
+
+
+# -- what it is ---------------------------------------------------------------------------------------------------
+
+
+def jumps(grid, x, d):
+    """[∂N_i/∂n] (points, nodes) at x on facets across direction d, from differences of hats, which are linear."""
+    e = 1e-3 * np.eye(grid.dim)[d]
+    there, after, before = (dense.hats(grid, x + k * e) for k in (0, 1, -1))
+    return (after - 2 * there + before) / 1e-3
+
+
+@DIM
+@pytest.mark.parametrize(("mapping", "dynamic"), [(GIMP, False), (DM_GC, True)])
+def test_it_is_the_sum_over_facets_by_hand(dim, mapping, dynamic):
+    """A body fills the first two cells each way of an uneven grid, and 1e-5 of the next.
+
+    Cells with 1e-10 and less, over edges and corners, have stiffness only.
+    """
+    lines = [np.array([0.0, 0.3, 0.8, 1.0])] * dim
+    grid, cut = Grid.rectilinear(lines), 1e-5
+    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: (x < 0.8).all(axis=0))
+    body.x += cut * (body.x > 0.5)
+    stepping, K, G = Newmark(DT) if dynamic else QuasiStatic(1), 0.07, 0.2
+    matrices = [dense.dense(ready(Simulation(grid, body, stepping, terms, mapping)).equilibrium.matrix)
+                for terms in ([GhostPenalty(K, G)], [])]
+    factor = stepping.acceleration[0] if dynamic else 0.0
+    low = np.stack(np.meshgrid(*[range(3)] * dim, indexing="ij"), -1).reshape(-1, dim)
+    gauss = np.array([-1.0, 1.0]) / np.sqrt(3)
+    by_hand = 0.0
+    for d in range(dim):
+        for cell in low:
+            beyond = cell + np.eye(dim, dtype=int)[d]
+            if beyond[d] > 2 or beyond.max() < 2:  # no facet, or both cells are full
+                continue
+            a, b = lines[0][cell], lines[0][cell + 1]
+            h = (lines[0][beyond[d] + 1] - a[d]) / 2
+            across = [k for k in range(dim) if k != d]
+            x = np.full((2 ** len(across), dim), b[d])
+            for k, g in zip(across, np.meshgrid(*[gauss] * len(across)), strict=True):
+                x[:, k] = (a[k] + b[k]) / 2 + g.ravel() * (b[k] - a[k]) / 2
+            weight = (b - a)[across].prod() / len(x)
+            mass = factor * G * SOIL.density * h**3 if (beyond == 2).sum() < 2 else 0.0
+            J = jumps(grid, x, d)
+            by_hand = by_hand + weight * (K * M * h + mass) * J.T @ J
+    node = (grid.space.tabulate_dof_coordinates()[:, :dim] < 0.99).all(axis=1)  # idle rows of the one are left out
+    keep = np.repeat(node, dim)
+    found = (matrices[0] - matrices[1])[np.ix_(keep, keep)]
+    expected = np.kron(by_hand, np.eye(dim))[np.ix_(keep, keep)]
+    assert np.abs(found - expected).max() < 1e-4 * np.abs(expected).max()
+
+
+@DIM
+def test_the_matrix_of_a_moving_body_is_that_of_a_new_run(dim):
+    """Facets come and go, and with them the matrix's pattern."""
+    run = block(dim, 0.1, DM_GC, Newmark(DT), n=2)
+    body = run.bodies[0]
+    body.velocity[:] = 0.4 * H / DT
+    for _ in range(4):
+        run.step()
+    fresh = Simulation(run.grid, body, run.stepping, CURE, DM_GC)
+    ready(run), ready(fresh)
+    A, B = (r.equilibrium.matrix for r in (run, fresh))
+    used = ~fresh.equilibrium.idle
+    A, B = dense.dense(A)[np.ix_(used, used)], dense.dense(B)[np.ix_(used, used)]
+    assert np.abs(A - B).max() < 1e-14 * np.abs(B).max()
+
+
+# -- what it is for -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("courant", [0.05, 0.5])
+@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+def test_small_corners_stay_with_the_body(mapping, courant):
+    """Under a stress set free, the largest acceleration is what the stress gives to half a cell's mass or so."""
+    for cut in (1e-2, 1e-4, 1e-6, 1e-8):
+        run = ready(block(2, cut, mapping, Newmark(courant * H / SOIL.p_speed)))
+        assert condition(run) < 40
+        run.bodies[0].stress[:, :2] = STRESS
+        run.predict()
+        run.solve()
+        assert np.abs(run.motion.end()[1]).max() < 10 * STRESS / (SOIL.density * H)
+
+
+def test_without_it_gimp_loses_them():
+    run = ready(block(2, 1e-4, GIMP, Newmark(0.05 * H / SOIL.p_speed), []))
+    run.bodies[0].stress[:, :2] = STRESS
+    run.predict()
+    run.solve()
+    assert np.abs(run.motion.end()[1]).max() > 1e5 * STRESS / (SOIL.density * H)
+
+
+def test_nodes_that_only_a_dashpot_reaches_stay_with_the_body():
+    """Surface points a hair outside the body: left alone, their far nodes turn the dashpot's velocity to zero."""
+    moved = {}
+    for terms in ((), CURE):
+        run = block(2, 0.0, DM_GC, Newmark(DT), ())
+        body = run.bodies[0]
+        surface = body.surface("right")
+        surface.x[:, 0] += 1e-6 * H
+        body.velocity[:, 0] = 1.0
+        run = Simulation(run.grid, body, run.stepping, [Viscous(surface, SOIL), *terms], DM_GC)
+        run.step()
+        moved[len(terms)] = np.abs(run.motion.u.x.array).max()
+    assert moved[0] > 1e3 * DT
+    assert moved[1] < 2 * DT
+
+
+@pytest.mark.parametrize(("given", "message"), [
+    ({"stiffness": -1.0}, "stiffness must be >= 0, got -1.0"), ({"mass": -0.5}, "mass must be >= 0, got -0.5"),
+    ({"mass": float("nan")}, "mass"), ({"below": 0.0}, "below"), ({"below": 1.5}, "below must be at most 1, got 1.5")])
+def test_what_makes_no_sense_is_refused(given, message):
+    with pytest.raises(ValueError, match=message):
+        GhostPenalty(**given)
+
+
+def test_two_of_them_are_refused():
+    with pytest.raises(ValueError, match="one term on the facets"):
+        block(2, 0.0, DM_GC, Newmark(DT), [GhostPenalty(), GhostPenalty()])
