@@ -2,6 +2,7 @@
 
 from mpi4py import MPI as _MPI  # noqa: F401  before dolfinx: it loads the MPI library of the wheel
 
+from .checkpoint import Checkpoint
 from .finite_elements import FiniteElements
 from .ghost_penalty import GhostPenalty
 from .grid import Grid
@@ -18,7 +19,7 @@ from .time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .velocities import flip, trapezoidal
 
 __all__ = [
-    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Energy", "FiniteElements", "Fixed",
+    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Checkpoint", "Energy", "FiniteElements", "Fixed",
     "GeneralizedAlpha", "GhostPenalty", "Gravity", "Grid", "Hencky", "LinearElastic", "Mapping", "MaterialPoints",
     "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction",
     "Viscoelastic", "Viscous", "VonMises", "flip", "trapezoidal",

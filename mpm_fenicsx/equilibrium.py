@@ -151,10 +151,22 @@ class Equilibrium:
             reason, self.rescues = self._run(self._rescue), self.rescues + 1
         self.solves, self.iterations = self.solves + 1, self.ksp.getIterationNumber()
         if reason < 0 or not np.isfinite(self.part.x.norm()):
-            raise SolverError(f"linear solver stopped with PETSc reason {reason} after {self.iterations} iterations")
+            raise SolverError(f"linear solver stopped with PETSc reason {reason} after {self.iterations} iterations; "
+                              f"{self.largest()}")
         self.part.give(self.increment.x.array[: self._owned])
         fenicsx.share(self.increment)
         self.motion.u.x.array[:] += self.increment.x.array
+
+    def largest(self) -> str:
+        """Where the residual is largest, or not a number, in words; the same on all ranks."""
+        grid = self.motion.grid
+        size = np.linalg.norm(self.motion.nodal(self.force)[: self._owned // grid.dim], axis=1)
+        size[np.isnan(size)] = np.inf
+        node = int(np.argmax(size)) if len(size) else 0
+        place = grid.space.tabulate_dof_coordinates()[node, : grid.dim] if len(size) else np.zeros(grid.dim)
+        most, place = max(grid.comm.allgather((float(size.max(initial=-1.0)), tuple(place))))
+        what = f"largest residual {most:.3g} N" if np.isfinite(most) else "residual that is not a number"
+        return f"{what} at the node x={np.array(place)}"
 
     def _run(self, ksp: PETSc.KSP) -> int:
         part = self.part

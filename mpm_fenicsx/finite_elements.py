@@ -16,7 +16,7 @@ from .gauss import GaussPoints
 from .grid import Grid
 from .kinematics import FINITE_STRAIN
 from .motion import Motion
-from .newton import Newton, SolverError
+from .newton import Newton
 from .run import Run
 from .scene import Scene
 from .terms import elastic_work, elasticity, inertia
@@ -39,7 +39,7 @@ class FiniteElements(Run):
                  reassemble: bool = False, newton: Newton | None = None,
                  solver: Mapping[str, object] | None = None, b_bar: bool = False,
                  start: FiniteElements | None = None):
-        super().__init__("FE", grid, stepping)
+        super().__init__("FE", grid, stepping, terms)
         self.material, self.b_bar = material, b_bar
         self.reassemble = reassemble or material.kinematics is FINITE_STRAIN
         motion = self.motion = Motion(grid, stepping)
@@ -49,7 +49,7 @@ class FiniteElements(Run):
         self._lame = λ, μ
         scene = self.scene = Scene(grid, motion, density, motion.region.dx(metadata={"quadrature_degree": 3}))
         internal = [elasticity(scene, λ, μ, self.displacement, b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
-        self.contributions = internal + [term.bind(scene) for term in terms]
+        self.contributions = internal + [term.bind(scene) for term in self.terms]
         if not reassemble:
             direct = "mumps" if grid.comm.size > 1 else "petsc"
             solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": direct,
@@ -69,32 +69,18 @@ class FiniteElements(Run):
             return None
         return YieldingElements(self.motion, GaussPoints(self.grid, self.b_bar), self.material)
 
-    def step(self) -> None:
-        """One step of length ``stepping.dt``.  Raises ``RunError`` naming step and time."""
-        with self.reported():
-            self.advance(self.time, self.next_time)
-        self.finish()
-
-    def advance(self, start: float, end: float, cut: int = 0) -> None:
-        """From ``start`` to ``end`` (s); a step that cannot be solved is halved, Newton's ``cuts`` times."""
-        stepping = self.stepping.part(0.5**cut)
+    def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
+        """Solve for the displacement from ``start`` to ``end`` (s)."""
         reassemble = self.reassemble or stepping != self.motion.stepping
         self.motion.use(stepping)
         self.scene.prepare(start, end)
-        try:
-            self.equilibrium.solve(reassemble=reassemble)
-        except SolverError:
-            if self.yielding is None or cut == self.equilibrium.newton.cuts:
-                raise
-            middle = 0.5 * (start + end)
-            self.advance(start, middle, cut + 1)
-            self.advance(middle, end, cut + 1)
-        else:
-            self.carry()
+        self.equilibrium.solve(reassemble=reassemble)
 
     def carry(self) -> None:
         """Displacement, velocity and acceleration at the end of the step."""
         motion = self.motion
+        if self.yielding is not None:
+            self.yielding.inspect()  # before anything has changed
         if self.stepping.dynamic:
             motion.nodal(motion.v)[:], motion.nodal(motion.a)[:] = motion.end()
         self.displacement.x.array[:] += motion.u.x.array
@@ -118,6 +104,22 @@ class FiniteElements(Run):
             f.x.array[:] = before.x.array
         if self.yielding is not None:
             self.yielding.take(start.yielding)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What the next step depends on: displacement and motion, springs, stress and history; not copied."""
+        law = {} if self.yielding is None else self.yielding.memory()
+        return {**super().state(), "displacement": self.displacement.x.array,
+                **{f"yielding/{name}": value for name, value in law.items()}}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Take the values of ``state`` in place of the present ones."""
+        super().restore(state)
+        if self.yielding is not None:
+            self.yielding.derive()
+
+    def identity(self) -> dict[str, str]:
+        """What a checkpoint's run must have in common with this one."""
+        return {**super().identity(), "material": repr(self.material), "b_bar": str(self.b_bar)}
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import tensors
+from . import fenicsx, tensors
 from .finite_strain import FiniteStrainAtGaussPoints
 from .gauss import GaussPoints
 from .kinematics import FINITE_STRAIN
 from .motion import Motion
+from .partition import anywhere
 
 
 class FiniteStrainElements(FiniteStrainAtGaussPoints):
@@ -26,9 +27,10 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         self.size = gauss.size if material.length else None
         self._all = np.arange(len(gauss), dtype=np.int32)
         self._one = np.ones(len(gauss))
-        self._start()
+        self.derive()
 
-    def _start(self) -> None:
+    def derive(self) -> None:
+        """Refresh what follows from the state."""
         self._kirchhoff = np.linalg.det(self.deformation)[:, None] * self.state
         self._before = FINITE_STRAIN.state(self.material, self._kirchhoff)
         if self.motion.stepping.start:
@@ -49,11 +51,23 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         if self.motion.stepping.start:
             self.stress.rows += self._nominal
 
-    def take(self, other: FiniteStrainElements) -> None:
-        """Go on from another run's state."""
-        self.state, self.deformation, self.history = (
-            a.copy() for a in (other.state, other.deformation, other.history))
-        self._start()
+    def memory(self) -> dict[str, np.ndarray]:
+        """Arrays that a restart needs, not copied."""
+        return {"stress": self.state, "history": self.history, "deformation": self.deformation}
+
+    def inspect(self) -> None:
+        """Raise ``ValueError`` on all ranks, naming a cell that the step turns inside out."""
+        grid, message = self.motion.grid, None
+        F, _ = self._step(self.motion.nodal(self.motion.u))
+        J = np.linalg.det(F)
+        if not J.min(initial=1.0) > 0.0:
+            g = int(np.argmin(J))
+            cell = g // self.gauss.digit.shape[1]
+            x = grid.mesh.geometry.x[fenicsx.cell_vertices(grid.mesh)[cell], : grid.dim].mean(axis=0)
+            message = f"cell {cell} with its centre at x={x} turns inside out: det F = {J[g]:.3g}"
+        message = anywhere(grid.comm, message)
+        if message:
+            raise ValueError(message)
 
     def carry(self) -> None:
         """State at the end of the step."""
@@ -61,7 +75,7 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         strain, *_ = FINITE_STRAIN.trial(self._before, gradient, self._all, self._all)
         τ, self.history = self.material.respond(strain, np.zeros_like(strain), self.history, self.size)
         self.deformation, self.state = F, τ / np.linalg.det(F)[:, None]
-        self._start()
+        self.derive()
 
     def energy(self, cells: int) -> dict[str, float]:
         """Strain energy and plastic work (J) of the first ``cells`` cells."""

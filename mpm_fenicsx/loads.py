@@ -7,8 +7,24 @@ from collections.abc import Callable
 
 import numpy as np
 
-Load = Callable[[float, np.ndarray], np.ndarray]
-"""Load at time t (s) and places x (n, dim): (dim,) or (n, dim)."""
+
+class Load:
+    """Load at time t (s) and places x (n, dim): (dim,) or (n, dim).
+
+    ``fault``: what was wrong with it when it last was no number, or None; a step reads it on all ranks together.
+    """
+
+    def __init__(self, name: str, function: Callable[[float, np.ndarray], np.ndarray]):
+        self.name, self.function, self.fault = name, function, None
+
+    def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
+        value = self.function(t, x)
+        there = np.isfinite(value)
+        if not there.all():
+            row = np.flatnonzero(~there.reshape(-1, there.shape[-1]).all(axis=1))[0]
+            at, where = (value, "") if value.ndim == 1 else (value[row], f", x={x[row]}")
+            self.fault = f"{self.name} must be finite, got {at} at t = {t:.6g}{where}"
+        return value
 
 
 def combined(load: Load, start: float, end: float, x: np.ndarray, weight: float) -> np.ndarray:
@@ -35,4 +51,4 @@ def as_load(name: str, value, dim: int) -> tuple[Load, bool]:
         raise ValueError(f"{name} must give {dim} finite numbers, got {value!r}: {error}") from error
     if trial.shape not in ([(dim,), (3, dim)] if placed else [(dim,)]) or not np.isfinite(trial).all():
         raise ValueError(f"{name} must give {dim} finite numbers, got {trial!r} at t=0")
-    return function, placed
+    return Load(name, function), placed

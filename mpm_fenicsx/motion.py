@@ -58,6 +58,11 @@ class Motion:
         c, d = self.stepping.velocity, self.stepping.acceleration
         return c[0] * u + c[1] * v + c[2] * a, d[0] * u + d[1] * v + d[2] * a
 
+    def state(self) -> dict[str, np.ndarray]:
+        """Arrays that a restart needs, not copied."""
+        fields = {"u": self.u, "v": self.v, "a": self.a} if self.stepping.dynamic else {"u": self.u}
+        return {name: f.x.array for name, f in fields.items()}
+
     def clear(self) -> None:
         """Start a step: no displacement yet but the given one."""
         self.u.x.array[:] = 0.0

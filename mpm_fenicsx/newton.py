@@ -42,7 +42,8 @@ class Newton:
         while not norms[-1] <= allowed:  # nor if it is not a number
             if len(norms) >= self.iterations:
                 found = ", ".join(f"{norm / allowed * self.tolerance:.1e}" for norm in norms)
-                raise SolverError(f"Newton does not converge, relative residuals {found}; allowed {self.tolerance:.1e}")
+                raise SolverError(f"Newton does not converge, relative residuals {found}; "
+                                  f"allowed {self.tolerance:.1e}; {equilibrium.largest()}")
             equilibrium.bend()
             equilibrium.correct()
             law.evaluate()

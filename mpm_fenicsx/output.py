@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -14,6 +13,7 @@ import numpy as np
 
 from . import fenicsx, tensors
 from .checks import whole
+from .files import complete, failing_together, named
 
 _RING = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # tensor order to VTK's
 _MIRROR = {2: [0, 2, 1, 3], 3: [0, 2, 1, 3, 4, 6, 5, 7]}  # first two reference axes exchanged
@@ -35,15 +35,12 @@ class Snapshots:
     third component of vectors.  Several ranks write one file, without ghosts.  Each file replaces its forerunner
     only when complete, so a run that dies leaves a series that opens.
 
-    Raises ``ValueError`` for a ``path`` without name, ``every`` < 1 or a second run; ``OSError`` naming path and
-    step on every rank, when attached or later, where nothing can be written.
+    Raises ``ValueError`` for a ``path`` without name, ``every`` < 1 or a second run; ``OSError`` naming the path on
+    every rank, when attached or later, where nothing can be written (to which the run adds its step and time).
     """
 
     def __init__(self, path: str | os.PathLike, every: int = 1):
-        text = os.fspath(path)
-        if text.endswith(os.sep) or Path(text).name in ("", ".."):
-            raise ValueError(f"path must end in the name of the series, got {text!r}")
-        self.path, self.every = Path(text).absolute(), whole("every", every)
+        self.path, self.every = named(path), whole("every", every)
         self._frame: tuple | None = None
 
     def attach(self, run) -> None:
@@ -53,7 +50,7 @@ class Snapshots:
         self._points, self._grid = (_Series(self.path.with_name(f"{self.path.name}_{kind}"))
                                     for kind in ("points", "grid"))
         frame = _whole_grid(run.grid)
-        with self._failing_together(run):
+        with failing_together(run.grid.comm, "snapshot not written", self.path):
             if run.grid.comm.rank == 0:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
         self._write(run, frame)
@@ -68,7 +65,7 @@ class Snapshots:
         comm = run.grid.comm
         cloud = _whole_cloud(run.bodies, comm) if run.bodies else None
         fields = _whole_fields(run)
-        with self._failing_together(run):
+        with failing_together(comm, "snapshot not written", self.path):
             if comm.rank == 0:
                 dim = run.grid.dim
                 if cloud:
@@ -77,20 +74,20 @@ class Snapshots:
                 x, cells = frame
                 self._grid.add(run, x, (_CELL[dim], cells), *fields, dim)
 
-    @contextmanager
-    def _failing_together(self, run) -> Iterator[None]:
-        """Make what goes wrong on the first rank an ``OSError`` of every rank, which names path and step."""
-        failure = cause = None
-        try:
-            yield
-        except Exception as error:
-            cause = error
-            failure = getattr(error, "errno", None) or 0, getattr(error, "strerror", None) or str(error)
-        failure = run.grid.comm.bcast(failure)
-        if failure:
-            number, reason = failure
-            where = f"{run.name}, step {run.steps}, t = {run.time:.6g}: snapshot not written: {reason}"
-            raise OSError(number, where, str(self.path)) from cause
+    @property
+    def label(self) -> str:
+        """Its name in a checkpoint."""
+        return f"Snapshots {self.path.name}"
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The files written so far and their times, which a restart lists again."""
+        return {series.path.name: np.frombuffer(series.entries.encode(), np.uint8)
+                for series in (self._points, self._grid)}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on with the collections of a checkpoint."""
+        for series in (self._points, self._grid):
+            series.entries = state[series.path.name].tobytes().decode()
 
 
 class _Series:
@@ -98,7 +95,7 @@ class _Series:
 
     def __init__(self, path: Path):
         self.path = path
-        self._entries = ""
+        self.entries = ""
 
     def add(self, run, x: np.ndarray, cells: tuple[str, np.ndarray], point_data: Mapping, cell_data: Mapping,
             dim: int) -> None:
@@ -109,25 +106,13 @@ class _Series:
                            point_data={name: _vtk(value, dim) for name, value in point_data.items()},
                            cell_data={name: [_vtk(value, dim)] for name, value in cell_data.items()})
         file = self.path.with_name(f"{self.path.name}_{run.steps:06d}.vtu")
-        with _complete(file) as part:
+        with complete(file) as part:
             meshio.write(part, mesh, file_format="vtu")
-        entries = f"{self._entries}<DataSet timestep=\"{float(run.time)!r}\" file={quoteattr(file.name)}/>\n"
-        with _complete(self.path.with_name(self.path.name + ".pvd")) as part:
+        entries = f"{self.entries}<DataSet timestep=\"{float(run.time)!r}\" file={quoteattr(file.name)}/>\n"
+        with complete(self.path.with_name(self.path.name + ".pvd")) as part:
             part.write_text('<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" version="0.1">\n'
                             f"<Collection>\n{entries}</Collection>\n</VTKFile>\n", encoding="utf-8")
-        self._entries = entries
-
-
-@contextmanager
-def _complete(file: Path) -> Iterator[Path]:
-    """A name beside ``file`` to write to; takes the place of ``file`` if all goes well, else is removed."""
-    part = file.with_name(file.name + ".part")
-    try:
-        yield part
-        os.replace(part, file)
-    finally:
-        with suppress(OSError):
-            part.unlink()
+        self.entries = entries
 
 
 def _vtk(value: np.ndarray, dim: int) -> np.ndarray:

@@ -94,7 +94,7 @@ class FacetPatch:
             self._total.x.array[:] += self.motion.u.x.array
 
     def state(self) -> dict[str, np.ndarray]:
-        """Arrays that a restart needs."""
+        """Arrays that a restart needs, not copied."""
         return {} if self._total is None else {"total": self._total.x.array}
 
 
@@ -122,6 +122,7 @@ class PointPatch:
         lost, message = np.flatnonzero(self._cell < 0), None
         if len(lost):
             message = f"surface point {lost[0]} at x={self.points.x[lost[0]]} lies outside the grid"
+            self._cell[lost] = 0  # whence to walk, should they be put back
         self._refuse(message)
 
     def _refuse(self, message: str | None) -> None:
@@ -203,8 +204,8 @@ class PointPatch:
         self.points.follow(self.stencil.at_points(u), self.stencil.gradient_at_points(u))
 
     def state(self) -> dict[str, np.ndarray]:
-        """Arrays that a restart needs."""
-        found = {"x": self.points.x, "normal": self.points.normal, "area": self.points.area}
+        """Arrays that a restart needs, not copied."""
+        found = {"x": self.points.x, "normal": self.points.normal, "area": self.points.area, "cell": self._cell}
         if self.points.displacement is not None:
             found["displacement"] = self.points.displacement
         return found

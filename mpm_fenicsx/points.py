@@ -111,6 +111,10 @@ class MaterialPoints:
         """Space dimension."""
         return self.x.shape[1]
 
+    def state(self) -> dict[str, np.ndarray]:
+        """The arrays that the points carry, by name; not copied."""
+        return {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+
     @classmethod
     def fill(cls, grid, material, per_cell: int, inside: Callable[[np.ndarray], np.ndarray] | None = None,
              jitter: float = 0.0, seed: int = 0) -> MaterialPoints:
@@ -158,20 +162,27 @@ class MaterialPoints:
         size = (volume * per_cell) ** (1 / dim) if material.length else None
         return cls(material, x, half, volume, size=size, exposed=exposed, seat=seat)
 
-    def deform(self, u: np.ndarray, gradient: np.ndarray, smooth: np.ndarray) -> None:
-        """Move by displacement increments u (n, dim); stretch with displacement gradients (n, dim, dim).
+    def stretches(self, gradient: np.ndarray, smooth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Ratios of volumes (n,) and of the support domains' extents (n, dim) for displacement gradients (n, dim, dim).
 
-        The volume follows ``gradient``; support domains follow ``smooth``, whose mean over neighbouring domains
+        Volumes follow ``gradient``; support domains follow ``smooth``, whose mean over neighbouring domains
         leaves neither gap nor overlap between them.  Raises ``ValueError`` naming a point that turns inside out.
         """
-        self.x += u
-        if self.seat is not None:
-            self.seat += u
         J = tensors.stretch(gradient)
         stretch = 1.0 + np.einsum("nii->ni", smooth)
         if not (J.min(initial=1.0) > 0.0 and stretch.min(initial=1.0) > 0.0):
             p = int(np.argmin(np.where(np.isfinite(J), np.minimum(J, stretch.min(axis=1)), -np.inf)))
-            raise ValueError(f"material point {p} at x={self.x[p]} turns inside out: det F = {J[p]:.3g} in the step")
+            what = f"turns inside out: det F = {J[p]:.3g} in the step"
+            if J[p] > 0.0:
+                what = f"has a support domain that turns inside out: it stretches by {stretch[p]} in the step"
+            raise ValueError(f"material point {p} at x={self.x[p]} {what}")
+        return J, stretch
+
+    def deform(self, u: np.ndarray, J: np.ndarray, stretch: np.ndarray) -> None:
+        """Move by displacement increments u (n, dim), with the ratios that ``stretches`` gives."""
+        self.x += u
+        if self.seat is not None:
+            self.seat += u
         self.volume *= J
         self.half *= stretch
 

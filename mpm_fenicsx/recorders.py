@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from mpi4py import MPI
 
 import numpy as np
@@ -34,6 +36,14 @@ class Series:
         self._times.append(run.time)
         self._values.append(value)
 
+    def state(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps of a recorder that is attached."""
+        return {"times": self.times, "values": self.values}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what a checkpoint kept."""
+        self._times, self._values = state["times"].tolist(), list(state["values"])
+
 
 class Probe(Series):
     """A field at a place of the body; the place moves with the material.
@@ -48,6 +58,11 @@ class Probe(Series):
         super().__init__()
         self.field, self.at = one_of("field", field, FIELDS), np.array(at, float)
 
+    @property
+    def label(self) -> str:
+        """Its name in a checkpoint."""
+        return f"Probe of {self.field} at {self.at}"
+
     def attach(self, run: Run) -> None:
         """Choose samples and weights."""
         if self.at.shape != (run.grid.dim,) or not np.isfinite(self.at).all():
@@ -55,13 +70,22 @@ class Probe(Series):
         places, self._read = run.sampler(self.field)
         h = _cell_size(run.grid)
         self._rows, self._weights = _nearest(places / h, self.at / h, run.grid.comm)
-        self._start = self._read(self._rows) if self.field == "displacement" else 0.0
+        self._start = self._read(self._rows) if self.field == "displacement" else np.zeros(())
         self(run)
 
     def __call__(self, run: Run) -> None:
         """Write down the value now."""
         value = self._weights @ (self._read(self._rows) - self._start)
         self.note(run, run.grid.comm.allreduce(value))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The series, and the samples that were chosen when it began."""
+        return {**super().state(), "rows": self._rows, "weights": self._weights, "start": self._start}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what a checkpoint kept."""
+        super().restore(state)
+        self._rows, self._weights, self._start = (state[name] for name in ("rows", "weights", "start"))
 
 
 class Energy(Series):
@@ -81,27 +105,34 @@ class Energy(Series):
         for contribution in run.contributions:
             for name, form in contribution.energy().items():
                 forms[name] = forms.get(name, 0) + form
-        self._forms = {name: fenicsx.compile_form(form) for name, form in forms.items()}
-        self._sums = dict.fromkeys(self.NAMES, 0.0)
-        self._start = dict.fromkeys(self.NAMES, 0.0)
-        self._start.update(self._now(run))
-        run.collectors.append(self._collect)
-        self._note(run)
+        self._forms = {self.NAMES.index(name): fenicsx.compile_form(form) for name, form in forms.items()}
+        self.sums = np.zeros(len(self.NAMES))
+        self._start = self._look(run).copy()
+        run.collectors.append(self)
+        self.note(run, self._start)
 
     def __call__(self, run: Run) -> None:
         """Write down where the energy is now."""
-        self._note(run)
+        self.note(run, self._look(run).copy())
 
-    def _collect(self, run: Run) -> None:
-        for name, form in self._forms.items():
-            self._sums[name] += run.grid.comm.allreduce(fenicsx.assemble_scalar(form), op=MPI.SUM)
+    def collect(self, run: Run) -> None:
+        """After a solve: add up in ``sums`` (6,) what terms have done."""
+        for k, form in self._forms.items():
+            self.sums[k] += run.grid.comm.allreduce(fenicsx.assemble_scalar(form), op=MPI.SUM)
 
-    def _now(self, run: Run) -> dict[str, float]:
-        return {name: run.grid.comm.allreduce(value, op=MPI.SUM) for name, value in run.energy().items()}
+    def _look(self, run: Run) -> np.ndarray:
+        for name, value in run.energy().items():
+            self.sums[self.NAMES.index(name)] = run.grid.comm.allreduce(value, op=MPI.SUM)
+        return self.sums
 
-    def _note(self, run: Run) -> None:
-        self._sums.update(self._now(run))
-        self.note(run, np.array([self._sums[name] for name in self.NAMES]))
+    def state(self) -> dict[str, np.ndarray]:
+        """The series, the sums that go on, and the energy at the start."""
+        return {**super().state(), "sums": self.sums, "start": self._start}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what a checkpoint kept."""
+        super().restore(state)
+        self.sums, self._start = state["sums"], state["start"]
 
     def __getitem__(self, name: str) -> np.ndarray:
         return self.values[:, self.NAMES.index(one_of("name", name, self.NAMES))]
@@ -114,7 +145,7 @@ class Energy(Series):
     @property
     def lost(self) -> np.ndarray:
         """Work, and energy at the start, that is found nowhere (n,), J."""
-        spent = sum(self[name] - self._start[name] for name in self.NAMES[1:])
+        spent = sum(self[name] - self._start[k] for k, name in enumerate(self.NAMES) if k)
         return self["work"] - spent
 
 

@@ -9,7 +9,9 @@ import numpy as np
 import ufl
 
 from .grid import Grid
+from .loads import Load, as_load
 from .motion import Motion
+from .partition import anywhere
 from .patches import patch
 
 
@@ -39,6 +41,7 @@ class Scene:
     fixed: list = field(default_factory=list)
     before: list[Callable[[float, float], None]] = field(default_factory=list)
     patches: dict[int, object] = field(default_factory=dict)
+    loads: list[Load] = field(default_factory=list)
 
     def patch(self, surface):
         """The boundary patch of a surface, one for all terms that act on it."""
@@ -46,12 +49,26 @@ class Scene:
             self.patches[id(surface)] = patch(surface, self)
         return self.patches[id(surface)]
 
+    def load(self, name: str, value) -> tuple[Load, bool]:
+        """A load as ``as_load`` returns it, with an eye on its values."""
+        load, placed = as_load(name, value, self.grid.dim)
+        self.loads.append(load)
+        return load, placed
+
     def prepare(self, start: float, end: float) -> None:
-        """Bring coefficients to the step from ``start`` to ``end`` (s)."""
+        """Bring coefficients to the step from ``start`` to ``end`` (s).
+
+        Raises ``ValueError`` on all ranks, naming it, where a load is not a number on one.
+        """
+        for load in self.loads:
+            load.fault = None
         for p in self.patches.values():
             p.prepare(start, end)
         for refresh in self.before:
             refresh(start, end)
+        fault = anywhere(self.grid.comm, next((load.fault for load in self.loads if load.fault), None))
+        if fault:
+            raise ValueError(fault)
 
     def mark(self, cells: np.ndarray) -> None:
         """Mark the cells that hold surface points."""

@@ -15,7 +15,7 @@ from .grid import Grid
 from .mapping import DM_GC
 from .mapping import Mapping as PointMapping
 from .motion import Motion
-from .newton import Newton, SolverError
+from .newton import Newton
 from .partition import anywhere
 from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED, Projection
@@ -50,8 +50,9 @@ class Simulation(Run):
             raise ValueError("points: there is no body")
         if b_bar and mapping.integrate is not DOUBLE_MAPPED:
             raise ValueError(f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the points")
-        super().__init__(mapping.name, grid, stepping)
+        super().__init__(mapping.name, grid, stepping, terms)
         self.mapping, self.transfer = mapping, transfer
+        self._of = [f"body {n}, " if len(self.bodies) > 1 else "" for n in range(len(self.bodies))]
         motion = self.motion = Motion(grid, stepping)
         self.cells = [self._locate_first(body) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
@@ -61,7 +62,7 @@ class Simulation(Run):
         dx = motion.region.dx(metadata={"quadrature_degree": mapping.integrate.quadrature})
         scene = self.scene = Scene(grid, motion, density, dx, (λ, μ))
         internal = [elasticity(scene, λ, μ, b_bar=b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
-        self.contributions = internal + [term.bind(scene) for term in terms]
+        self.contributions = internal + [term.bind(scene) for term in self.terms]
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
@@ -75,27 +76,12 @@ class Simulation(Run):
 
     # -- the step -----------------------------------------------------------------------------------------------
 
-    def step(self) -> None:
-        """One step of length ``stepping.dt``.  Raises ``RunError`` naming step and time; what is recorded stays."""
-        with self.reported():
-            self.advance(self.time, self.next_time)
-        self.finish()
-
-    def advance(self, start: float, end: float, cut: int = 0) -> None:
-        """From ``start`` to ``end`` (s); a step that cannot be solved is halved, Newton's ``cuts`` times."""
-        self.motion.use(self.stepping.part(0.5**cut))
+    def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
+        """Solve for the grid's motion from ``start`` to ``end`` (s); points stay where they are."""
+        self.motion.use(stepping)
         self.prepare(start, end)
         self.predict()
-        try:
-            self.solve()
-        except SolverError:
-            if self.yielding is None or cut == self.equilibrium.newton.cuts:
-                raise
-            middle = 0.5 * (start + end)
-            self.advance(start, middle, cut + 1)
-            self.advance(middle, end, cut + 1)
-        else:
-            self.carry()
+        self.solve()
 
     def prepare(self, start: float, end: float) -> None:
         """Where points are, what they give to the grid's fields and terms, and which cells that concerns."""
@@ -108,12 +94,13 @@ class Simulation(Run):
     def locate(self) -> None:
         """Cell, weights and gradients of every point."""
         message = None
-        for body, cell in zip(self.bodies, self.cells, strict=True):
+        for number, (body, cell) in enumerate(zip(self.bodies, self.cells, strict=True)):
             self.grid.walk(body.x, cell)
             lost = np.flatnonzero((cell < 0) | (cell >= self.grid.owned_cells))
             if len(lost):
                 where = "outside the grid" if cell[lost[0]] < 0 else "on another rank, which is not supported yet"
-                message = f"material point {lost[0]} at x={body.x[lost[0]]} lies {where}"
+                message = f"{self._of[number]}material point {lost[0]} at x={body.x[lost[0]]} lies {where}"
+                cell[lost] = np.maximum(cell[lost], 0)  # whence to walk, should they be put back
         self._stop_together(message)
         self._held[:] = 0
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
@@ -147,19 +134,21 @@ class Simulation(Run):
         u = motion.nodal(motion.u)
         before, after = ((motion.nodal(motion.v), motion.nodal(motion.a)), motion.end()) \
             if self.stepping.dynamic else (None, None)
-        message = None
-        for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
+        message, found = None, []
+        for number, (body, cell, stencil) in enumerate(zip(self.bodies, self.cells, self.stencils, strict=True)):
             smooth = stencil.gradient_at_points(u)
             gradient = self.composite.gradient_at_points(body.x, cell, u) if self.composite else smooth
+            try:
+                found.append((gradient, body.stretches(gradient, smooth)))
+            except ValueError as error:
+                message = f"{self._of[number]}{error}"
+        self._stop_together(message)  # before anything has changed
+        for body, stencil, (gradient, stretches) in zip(self.bodies, self.stencils, found, strict=True):
             volumetric = stencil.mean_of_cells(self.gauss.mean_divergence(u)) if self.gauss is not None else None
             body.material.kinematics.respond(body, gradient, volumetric)
             if self.stepping.dynamic:
                 self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping)
-            try:
-                body.deform(stencil.at_points(u), gradient, smooth)
-            except ValueError as error:
-                message = str(error)
-        self._stop_together(message)
+            body.deform(stencil.at_points(u), *stretches)
         self.scene.carry()
         self.collect()
 
@@ -174,6 +163,17 @@ class Simulation(Run):
             stress = tensors.matrix(body.stress, self.grid.dim)
             stencil.deposit_divergence(body.volume[:, None, None] * stress, self._internal)
         return self._internal.ravel()
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What the next step depends on, by name; not copied."""
+        bodies = [{"cell": cell, **body.state()} for cell, body in zip(self.cells, self.bodies, strict=True)]
+        found = {f"bodies/{n}/{name}": value for n, body in enumerate(bodies) for name, value in body.items()}
+        return {**super().state(), **found}
+
+    def identity(self) -> dict[str, str]:
+        """What a checkpoint's run must have in common with this one."""
+        bodies = {f"body {n}": f"{len(body)} points of {body.material!r}" for n, body in enumerate(self.bodies)}
+        return {**super().identity(), **bodies, "b_bar": str(self.gauss is not None)}
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ from ufl import inner
 from . import forms
 from .checks import finite, one_of, positive
 from .grid import GridSurface
-from .loads import as_load, combined
+from .loads import combined
 from .points import SurfacePoints
 from .scene import Contribution, Scene
 
@@ -98,7 +98,7 @@ class Traction:
         """Virtual work -∫ t·w, and the work done."""
         patch, motion = scene.patch(self.on), scene.motion
         held = patch.held(self.value)
-        load = partial(patch.load, *as_load("value of Traction", self.value, scene.grid.dim)) if held is None else \
+        load = partial(patch.load, *scene.load("value of Traction", self.value)) if held is None else \
             lambda mean=False: held if mean else motion.known(held)
         work = -forms.load(load(), motion.w) * patch.measure
         return Contribution(work, lambda: {
@@ -118,7 +118,7 @@ class Gravity:
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work -∫ ρ g·w, and the work done."""
         motion, grid = scene.motion, scene.grid
-        function, placed = as_load("g of Gravity", self.g, grid.dim)
+        function, placed = scene.load("g of Gravity", self.g)
         x = grid.space.tabulate_dof_coordinates()[:, : grid.dim] if placed else np.zeros((1, grid.dim))
 
         def coefficient(value: Callable[[float, float], np.ndarray]):

@@ -118,6 +118,23 @@ class Yielding:
     def add_force(self, internal: np.ndarray) -> None:
         """Add what is no form to the internal force (dofs,), N."""
 
+    def inspect(self) -> None:
+        """Raise ``ValueError`` where the step that is solved cannot be carried."""
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Arrays that a restart needs, not copied; material points carry their own."""
+        return {}
+
+    def take(self, other: Yielding) -> None:
+        """Go on from another run's state."""
+        mine = self.memory()
+        for name, value in other.memory().items():
+            mine[name][:] = value
+        self.derive()
+
+    def derive(self) -> None:
+        """Refresh what follows from the memory."""
+
     def _respond(self, u: np.ndarray) -> None:
         raise NotImplementedError
 
@@ -208,9 +225,9 @@ class YieldingElements(YieldingAtGaussPoints):
             self.stress.rows[rows] += stress[:, self._plane]
             self.tangent.rows[rows] += tangent
 
-    def take(self, other: YieldingElements) -> None:
-        """Go on from another run's state."""
-        self.state, self.history, self._elastic = other.state.copy(), other.history.copy(), other._elastic.copy()
+    def memory(self) -> dict[str, np.ndarray]:
+        """Arrays that a restart needs, not copied."""
+        return {"stress": self.state, "history": self.history, "elastic": self._elastic}
 
     def carry(self) -> None:
         """State at the end of the step."""

@@ -200,7 +200,7 @@ def refusals(comm: MPI.Comm) -> dict:
     run = Simulation(grid, body, Newmark(1e-4), [])
     if comm.rank == comm.size - 1:
         body.half[:] = np.nan
-        body.deform = lambda *_: (_ for _ in ()).throw(ValueError("turns inside out"))
+        body.stretches = lambda *_: (_ for _ in ()).throw(ValueError("turns inside out"))
     try:
         run.carry()
         heard = 0

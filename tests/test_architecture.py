@@ -14,7 +14,7 @@ FLOORS = {
     "checks": 0, "tensors": 0, "kernels": 0, "lattice": 0, "points": 0, "time_stepping": 0, "exact": 0, "newton": 0,
     "logarithmic": 0, "kinematics": 0, "materials.hencky": 0,
     "materials": 0, "materials.elastic": 0, "materials.von_mises": 0,
-    "fenicsx": 1, "partition": 1, "grid": 1, "region": 1, "forms": 1, "output": 1,
+    "files": 0, "checkpoint": 1, "fenicsx": 1, "partition": 1, "grid": 1, "region": 1, "forms": 1, "output": 1,
     "shapes": 2, "composite": 2, "projection": 2, "motion": 2, "scene": 2, "terms": 2, "mapping": 2, "ghost_penalty": 2,
     "loads": 0, "reactions": 2, "gauss": 2, "velocities": 2, "yielding": 2, "yielding_at_points": 2, "equilibrium": 2,
     "part": 2, "patches": 2, "faces": 2, "finite_strain": 2, "finite_strain_elements": 2,

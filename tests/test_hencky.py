@@ -25,7 +25,7 @@ def strained(body, f):
     """The body after the deformation f (n, dim, dim) or (dim, dim)."""
     gradient = np.broadcast_to(f, (len(body), body.dim, body.dim)) - np.eye(body.dim)
     FINITE_STRAIN.respond(body, gradient)
-    body.deform(np.zeros_like(body.x), gradient, np.zeros_like(gradient))
+    body.deform(np.zeros_like(body.x), *body.stretches(gradient, np.zeros_like(gradient)))
     return body
 
 

@@ -104,7 +104,7 @@ def test_an_affine_motion_scales_volumes_by_its_determinant(grid, soil, seed):
     points = MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=0.45)
     x, volume, half = points.x.copy(), points.volume.copy(), points.half.copy()
     H = affine(grid.dim, seed)
-    points.deform(x @ H.T, everywhere(H, len(x)), everywhere(H, len(x)))
+    points.deform(x @ H.T, *points.stretches(everywhere(H, len(x)), everywhere(H, len(x))))
     np.testing.assert_allclose(points.volume, volume * np.linalg.det(np.eye(grid.dim) + H), rtol=1e-12)
     np.testing.assert_allclose(points.x, x @ (np.eye(grid.dim) + H).T, rtol=0, atol=1e-14 * np.abs(x).max())
     np.testing.assert_allclose(points.half, half * (1 + np.diag(H)), rtol=1e-12)
@@ -118,7 +118,7 @@ def test_a_point_that_turns_inside_out_is_refused_by_number(grid, points, bad, w
     arrays = {"gradient": np.zeros((n, grid.dim, grid.dim)), "smooth": np.zeros((n, grid.dim, grid.dim))}
     arrays[which][5, 1, 1] = bad
     with pytest.raises(ValueError, match=r"material point 5 at x=.* turns inside out"):
-        points.deform(np.zeros_like(points.x), **arrays)
+        points.stretches(**arrays)
 
 
 # -- surfaces ---------------------------------------------------------------------------------------------------
