@@ -29,7 +29,7 @@ class SurfacePoints:
     per_face: int = 1
 
     def __post_init__(self) -> None:
-        self.x, self.normal, self.area = (np.array(v, float) for v in (self.x, self.normal, self.area))
+        self.x, self.normal, self.area = (np.array(v, float, order="C") for v in (self.x, self.normal, self.area))
         if self.x.ndim != 2 or self.normal.shape != self.x.shape or self.area.shape != self.x.shape[:1]:
             raise ValueError(f"surface points need x (n, dim), normal (n, dim), area (n,), got "
                              f"{self.x.shape}, {self.normal.shape}, {self.area.shape}")
@@ -80,7 +80,7 @@ class MaterialPoints:
     mass: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        self.x = np.array(self.x, float)
+        self.x = np.array(self.x, float, order="C")
         if self.x.ndim != 2 or self.dim not in (2, 3):
             raise ValueError(f"x must be (n, 2) or (n, 3), got {self.x.shape}")
         n, dim = self.x.shape
@@ -93,7 +93,7 @@ class MaterialPoints:
                   "history": (n, len(self.material.history)), "size": (n,)}
         for name, shape in shapes.items():
             if getattr(self, name) is not None:
-                value = np.array(getattr(self, name), float)
+                value = np.array(getattr(self, name), float, order="C")
                 if value.shape != shape:
                     raise ValueError(f"{name} must have the shape {shape} to fit x, got {value.shape}")
                 if not np.isfinite(value).all():

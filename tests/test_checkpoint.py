@@ -22,6 +22,7 @@ from mpm_fenicsx import (
     Energy,
     FiniteElements,
     Fixed,
+    GeneralizedAlpha,
     Gravity,
     Grid,
     Hencky,
@@ -46,7 +47,7 @@ STRETCHED = VonMises(Hencky(3e6, 0.3, 1800.0), peak=3e3, residual=1e3, softening
 
 
 def place(dim=2, room=1):
-    """A grid of half metre cells, and a unit block in it with jittered points, with ``room`` cells around."""
+    """A grid of half metre cells, and how to fill a unit block of it with jittered points, ``room`` cells around."""
     low, high = np.array((-0.5, -0.5, 0.0)[:dim]) * room, (2.0, 1.5, 1.0)[:dim]
     grid = Grid.box(low, high, (4 + room, 3 + room, 2)[:dim])
     return grid, lambda law: MaterialPoints.fill(grid, law, 2**dim, lambda x: (abs(x[:2] - 0.5) < 0.5).all(axis=0),
@@ -60,19 +61,23 @@ def push(t, x):
     return value
 
 
-def points(law, mapping=DM_GC, dim=2, stepping=None, springs=False, **keywords):
+def points(law, mapping=DM_GC, dim=2, stepping=None, **keywords):
     """A body that drifts across cells on springs and dashpots that move with it, pushed from above."""
-    stepping = stepping or Newmark(5e-3)
-    grid, fill = place(dim, room=int(stepping.dynamic))
+    grid, fill = place(dim)
     body = fill(law)
-    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Traction(body.surface("top"), push)]
-    if stepping.dynamic:
-        drift = 6.0 if mapping.support else 0.0
-        body.velocity = np.tile((drift, -0.05 * drift, 0.0)[:dim], (len(body), 1))
-        terms += [Viscoelastic(body.surface("bottom"), SOFT, 3.0), Traction(body.surface("left"), (1e3,) * dim)]
-    else:
-        terms += [Fixed(grid.facets("left")), Fixed(grid.facets("bottom"), "y")]
-    return Simulation(grid, body, stepping, terms, mapping, **keywords)
+    body.velocity = np.tile((6.0, -0.3, 0.0)[:dim], (len(body), 1))
+    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Traction(body.surface("top"), push),
+             Viscoelastic(body.surface("bottom"), SOFT, 3.0), Traction(body.surface("left"), (1e3,) * dim)]
+    return Simulation(grid, body, stepping or Newmark(5e-3), terms, mapping, **keywords)
+
+
+def confined(law, mapping, stepping):
+    """A body between smooth walls, pushed from above."""
+    grid = Grid.box((0.0, 0.0), (1.0, 1.5), (2, 3))
+    body = MaterialPoints.fill(grid, law, 4, lambda x: x[1] < 1.0, jitter=0.3)
+    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom")), Gravity((0.0, -9.81)),
+             Traction(body.surface("top"), push)]
+    return Simulation(grid, body, stepping, terms, mapping)
 
 
 def two_bodies():
@@ -96,20 +101,22 @@ def elements(law, stepping=None, **keywords):
 SCENES = {
     "elastic": lambda: points(SOFT),
     "elastic 3D": lambda: points(SOFT, dim=3),
-    "elastic MPM": lambda: points(SOFT, MPM),
-    "static": lambda: points(SOFT, stepping=QuasiStatic(500)),
+    "elastic MPM": lambda: confined(SOFT, MPM, Newmark(5e-3)),
+    "static": lambda: confined(SOFT, DM_GC, QuasiStatic(500)),
     "B-bar": lambda: points(CLAY, b_bar=True),
     "von Mises": lambda: points(CLAY),
     "von Mises GIMP": lambda: points(CLAY, GIMP),
     "von Mises, steps cut": lambda: points(CLAY, newton=Newton(tolerance=1e-5, iterations=2, halvings=0)),
     "Hencky": lambda: points(Hencky(3e6, 0.3, 1800.0)),
     "finite von Mises": lambda: points(STRETCHED),
-    "finite von Mises MPM": lambda: points(STRETCHED, MPM, stepping=Newmark(1e-2)),
+    "finite von Mises MPM": lambda: confined(STRETCHED, MPM, Newmark(1e-2)),
+    "generalised α": lambda: points(STRETCHED, stepping=GeneralizedAlpha(5e-3, spectral_radius=0.5)),
     "two bodies": two_bodies,
     "FE": lambda: elements(SOFT),
     "FE von Mises": lambda: elements(CLAY),
     "FE von Mises static": lambda: elements(CLAY, QuasiStatic(500)),
     "FE Hencky": lambda: elements(STRETCHED),
+    "FE generalised α": lambda: elements(STRETCHED, GeneralizedAlpha(5e-3, spectral_radius=0.5, start=0.5)),
 }
 
 
