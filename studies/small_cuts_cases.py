@@ -1,0 +1,129 @@
+"""The scenes of ``small_cuts.py``, each measured with and without a cure (a list of terms).  Units: m, s, kg, Pa."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from mpm_fenicsx import Fixed, Grid, LinearElastic, MaterialPoints, Newmark, QuasiStatic, RunError, Simulation, Traction
+
+HOME = Path(__file__).parents[1]
+sys.path += [str(HOME / "demos"), str(HOME / "studies")]
+import column  # noqa: E402
+import foundation  # noqa: E402
+import manufactured  # noqa: E402
+
+soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+h, n, σ, miss = 0.25, 3, 100e3, 0.01  # m, cells of a block's edge, Pa, -
+
+
+# -- one step of a free body --------------------------------------------------------------------------------------
+
+
+def body_of(shape: str, dim: int, cut: float, rng) -> tuple[Grid, MaterialPoints]:
+    """A block, its upper corner ``cut`` of a cell over grid lines, or a ball anywhere, with room around."""
+    grid = Grid.box([-2 * h] * dim, [(n + 2) * h] * dim, [n + 4] * dim)
+    if shape == "block":
+        points = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: ((x > 0) & (x < n * h)).all(axis=0))
+        points.x += cut * h
+    else:
+        centre = 0.5 * n * h + rng.uniform(-0.5, 0.5, (dim, 1)) * h
+        points = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: ((x - centre)**2).sum(axis=0) < (1.3 * h)**2)
+        points.x += cut * h * rng.uniform(-1.0, 1.0, dim)
+    return grid, points
+
+
+def condition(run) -> float:
+    """Condition number of the run's matrix with unit diagonal, idle nodes left out."""
+    start, column_, value = run.equilibrium.matrix.getValuesCSR()
+    real = ~run.equilibrium.idle
+    A = csr_matrix((value, column_, start)).toarray()[np.ix_(real, real)]
+    found = np.linalg.eigvalsh(A / np.sqrt(np.outer(A.diagonal(), A.diagonal())))
+    return float(found[-1] / found[0])
+
+
+def released(shape: str, dim: int, cut: float, mapping, courant: float, cure: list, seed: int = 0) -> dict:
+    """Condition, and largest acceleration of the grid in σ/(ρ h), where a stress is set free."""
+    grid, points = body_of(shape, dim, cut, np.random.default_rng(seed))
+    points.stress[:, :dim] = σ
+    run = Simulation(grid, points, Newmark(courant * h / soil.p_speed), cure, mapping)
+    run.prepare(0.0, run.stepping.dt)
+    run.predict()
+    run.solve()
+    return {"condition": condition(run), "iterations": run.equilibrium.iterations, "rescues": run.equilibrium.rescues,
+            "acceleration": float(np.abs(run.motion.end()[1]).max() * soil.density * h / σ)}
+
+
+# -- errors -------------------------------------------------------------------------------------------------------
+
+
+def statics(cut: float, mapping, cure: list, cells: int = 4) -> float:
+    """Error of stress and of the edge's displacement, relative to what the 1 % does."""
+    grid = Grid.box((0, 0), [(cells + 2) * h] * 2, [cells + 2] * 2)
+    points = MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x < cells * h).all(axis=0))
+    factor = 1 + cut / cells
+    points = MaterialPoints(soil, factor * points.x, factor * points.half, factor**2 * points.volume,
+                            exposed=points.exposed)
+    points.stress[:, :3] = σ * np.array([1.0, 1.0, 2 * soil.poisson])
+    sides = [points.surface(side) for side in ("right", "top")]
+    before = [on.x.copy() for on in sides]
+    terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
+    terms += [Traction(on, tuple((1 + miss) * σ * on.normal[0])) for on in sides]
+    Simulation(grid, points, QuasiStatic(1), terms + cure, mapping).until(1.0)
+    moved = miss * σ / (2 * sum(soil.lame)) * cells * h
+    far = max(np.abs(on.x - x).max() for on, x in zip(sides, before, strict=True))
+    return float(max(abs(far / moved - 1), np.abs(points.stress[:, :2] / σ - 1 - miss).max() / miss))
+
+
+def bar(name: str, mapping, cure: list, cells: int = 20) -> dict:
+    """Errors of the manufactured bar over one period."""
+    chosen, plain = manufactured.BARS[name], manufactured.terms
+    manufactured.terms = lambda *scene: plain(*scene) + cure
+    try:
+        run = manufactured.points(chosen, mapping, 1 / cells, chosen.period / (4 * cells), 4, name == "random")
+    finally:
+        manufactured.terms = plain
+    watch = manufactured.Watch(run, chosen)
+    while run.steps < 4 * cells:
+        run.step()
+        watch()
+    return watch.errors()
+
+
+def pulse(base: str, mapping, cure: list) -> dict:
+    """Errors of the column at 0.3 kPa."""
+    plain = column.terms
+    column.terms = lambda *scene: plain(*scene) + cure
+    try:
+        run = column.material_points(base, column.small, mapping)
+    finally:
+        column.terms = plain
+    row = column.measure(run, base, column.small)[0]
+    return {name: row[name] for name in column.FIGURES if name.startswith("error")}
+
+
+def drift(cure: list, steps: int) -> dict:
+    """The foundation between dashpots, which moves the points a hair into cells."""
+    plain = foundation.terms
+    foundation.terms = lambda *scene: plain(*scene) + cure
+    try:
+        run = foundation.material_points("viscous", cell=0.125)
+    finally:
+        foundation.terms = plain
+    run.step()  # what is compiled and allocated is not timed
+    row, far, iterations, stopped, start = {}, 0.0, [], None, time.perf_counter()
+    try:
+        while run.steps < steps:
+            run.step()
+            far = max(far, float(np.abs(run.motion.u.x.array).max()))
+            iterations.append(run.equilibrium.iterations)
+    except RunError as error:
+        stopped = str(error)
+    row.update(steps=run.steps, rescues=run.equilibrium.rescues, iterations=float(np.mean(iterations)),
+               ms_a_step=1e3 * (time.perf_counter() - start) / max(len(iterations), 1), furthest_node_m=far,
+               solves_a_step=run.equilibrium.solves / run.steps, stopped=stopped)
+    return row
