@@ -74,9 +74,11 @@ class Run:
         try:
             self.attempt(start, end, self.stepping.part(0.5**cut))
         except SolverError as error:
-            if self.yielding is None or cut == self.equilibrium.newton.cuts:
-                halved = f"; from t = {start:.6g} to {end:.6g}, the step halved {cut} times" if cut else ""
-                raise SolverError(f"{error}{halved}") from error
+            if self.yielding is None or (cut == self.equilibrium.newton.cuts == 0):
+                raise
+            if cut == self.equilibrium.newton.cuts:
+                halved = f"from t = {start:.6g} to {end:.6g}, the step halved {cut} times"
+                raise SolverError(f"{error}; {halved}") from error
         else:
             return self.carry()
         middle = 0.5 * (start + end)
