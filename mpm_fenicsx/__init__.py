@@ -14,13 +14,13 @@ from .points import MaterialPoints, SurfacePoints
 from .recorders import Energy, Probe
 from .run import RunError
 from .simulation import Simulation
-from .terms import Fixed, Gravity, Traction, Viscoelastic, Viscous
+from .terms import DeadLoad, Fixed, Gravity, Traction, Viscoelastic, Viscous
 from .time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .velocities import flip, trapezoidal
 
 __all__ = [
-    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Checkpoint", "Energy", "FiniteElements", "Fixed",
-    "GeneralizedAlpha", "GhostPenalty", "Gravity", "Grid", "Hencky", "LinearElastic", "Mapping", "MaterialPoints",
-    "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction",
-    "Viscoelastic", "Viscous", "VonMises", "flip", "trapezoidal",
+    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Checkpoint", "DeadLoad", "Energy",
+    "FiniteElements", "Fixed", "GeneralizedAlpha", "GhostPenalty", "Gravity", "Grid", "Hencky", "LinearElastic",
+    "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation", "Snapshots",
+    "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "VonMises", "flip", "trapezoidal",
 ]

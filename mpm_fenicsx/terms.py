@@ -97,12 +97,33 @@ class Traction:
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work -∫ t·w, and the work done."""
         patch, motion = scene.patch(self.on), scene.motion
-        held = patch.held(self.value)
-        load = partial(patch.load, *scene.load("value of Traction", self.value)) if held is None else \
-            lambda mean=False: held if mean else motion.known(held)
+        load = self._load(scene, patch)
         work = -forms.load(load(), motion.w) * patch.measure
         return Contribution(work, lambda: {
             "work": forms.load(load(mean=True), motion.u) * patch.measure}, work)
+
+    def _load(self, scene: Scene, patch) -> Callable:
+        held = patch.held(self.value)
+        return partial(patch.load, *scene.load("value of Traction", self.value)) if held is None else \
+            lambda mean=False: held if mean else scene.motion.known(held)
+
+
+@dataclass(frozen=True)
+class DeadLoad(Traction):
+    """A load whose force stays however its surface stretches: ``value`` (Pa) is per area at the start.
+
+    ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim).  A traction is per area as it is: under one
+    that keeps its direction the walls of a crater stretch, bear more, and stretch the faster.  On facets of the grid,
+    which do not stretch, the two are one.
+    """
+
+    def _load(self, scene: Scene, patch) -> Callable:
+        function, placed = scene.load("value of DeadLoad", self.value)
+        on = self.on
+        if isinstance(on, GridSurface):
+            return partial(patch.load, function, placed)
+        start = on.area.copy()
+        return partial(patch.load, lambda t, x: function(t, x) * (start / on.area)[:, None], True)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ import ufl
 
 from mpm_fenicsx import (
     MPM,
+    DeadLoad,
     Fixed,
     Gravity,
     Grid,
@@ -204,6 +205,34 @@ def test_a_traction_sums_to_its_resultant(dim, rng):
     on = markers(grid, rng)
     R, _, _ = system(grid, Traction(on, lambda t, x: t * x), start=0.3)
     np.testing.assert_allclose(-R.reshape(-1, dim).sum(axis=0), 0.31 * on.area @ on.x, rtol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_dead_load_keeps_its_force_where_the_surface_stretches(dim, rng):
+    """A traction grows with the area."""
+    grid = dense.uneven(dim)
+    on, value = markers(grid, rng), np.arange(dim) + 1.0
+    force = {DeadLoad: on.area.sum() * value, Traction: 4.0 * on.area.sum() * value}
+    scene = dense.bare_scene(grid, STEPPING)
+    terms = [DeadLoad(on, lambda t, x: np.tile(value, (len(x), 1))), DeadLoad(on, tuple(value)),
+             Traction(on, tuple(value))]
+    work = [term.bind(scene).work for term in terms]
+    on.area *= 4.0
+    scene.prepare(0.0, 1.0)
+    for term, form in zip(terms, work, strict=True):
+        found = -dense.vector(grid.space, form).reshape(-1, dim).sum(axis=0)
+        np.testing.assert_allclose(found, force[type(term)], rtol=1e-12)
+
+
+def test_a_dead_load_refuses_what_is_no_load(rng):
+    with pytest.raises(ValueError, match="value of DeadLoad must give 2 finite numbers, got 'heavy'"):
+        system(dense.uneven(2), DeadLoad(markers(dense.uneven(2), rng), "heavy"))
+
+
+def test_a_dead_load_on_facets_is_a_traction(rng):
+    grid = dense.uneven(2)
+    both = [system(grid, kind(grid.facets("top"), lambda t, x: t * x))[0] for kind in (DeadLoad, Traction)]
+    same(*both)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
