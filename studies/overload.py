@@ -1,7 +1,7 @@
 """The strip of demos/foundation.py overloaded: 60 kPa and held.  What breaks down there, and why?
 
-The soil bears (2 + π) c = 51 kPa at its peak, and however deep the strip sinks no more than about (2 + 2π) c = 25 kPa once it
-has softened: there is no equilibrium.  A right run goes on sinking and finds all the work of the load again.
+The soil bears (2 + π) c = 51 kPa at its peak, and however deep the strip sinks no more than about (2 + 2π) c = 25 kPa
+once it has softened: there is no equilibrium.  A right run goes on sinking and finds all the work of the load again.
 
 Found (cells of 0.25, 0.125 and 0.0625 m; small strain, and with 0.25 m finite strain, too):
 

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_kernels import dense
 
+from mpm_fenicsx import Grid, MaterialPoints
 from mpm_fenicsx.shapes import Stencil
 
 
@@ -114,3 +115,18 @@ def test_an_inward_corner_gets_no_weight_from_nowhere(l_shape):
     unity = np.broadcast_to(np.eye(2), (len(x), 2, 2))
     np.testing.assert_allclose(stencil.gradient_at_points(node), unity, rtol=0, atol=1e-12)
     assert (np.abs(stencil.at_points(node) - x) < 0.25).all()
+
+
+@pytest.mark.parametrize(("stretch", "tile"), [(1.5, True), (2.0, True), (2.5, False), (3.0, False)])
+def test_support_domains_tile_a_stretched_body_until_they_are_a_cell_wide(soil, stretch, tile):
+    """Σ_p V_p σ ∇S_ip = 0 inside, for uniform σ.  Wider domains end at a cell's width and leave gaps: a limit of
+    points, four to a cell, where a body stretches to more than twice its length."""
+    grid = Grid.box((-1, -1), (9, 3), (40, 16))
+    body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: ((x > 0) & (x < 2)).all(axis=0))
+    body.x *= [stretch, 1 / stretch]
+    body.half *= [stretch, 1 / stretch]
+    stencil, force = placed(grid, body.x, body.half), np.zeros((grid.nodes, 2))
+    stencil.deposit_divergence(np.tile(np.eye(2), (len(body), 1, 1)) * body.volume[:, None, None], force)
+    node = grid.space.tabulate_dof_coordinates()
+    inside = (node[:, 0] > 0.5) & (node[:, 0] < 2 * stretch - 0.5)
+    assert (np.abs(force[inside, 0]).max() < 1e-13) == tile
