@@ -114,7 +114,7 @@ def tables(rows: list[dict]) -> list[Table]:
             groups.setdefault((row["mapping"], row["cure"], row["dim"], row["courant"]), []).append(row)
     for key, found in groups.items():
         most = [max(row[name] for row in found) for name in ("condition", "acceleration", "iterations")]
-        worst.add_row(*map(str, key), f"{most[0]:.1f}", f"{most[1]:.2g}", f"{most[2]}")
+        worst.add_row(*map(str, key), f"{most[0]:.3g}", f"{most[1]:.2g}", f"{most[2]}")
     errors = Table("", "mapping", "cure", "scene", "cells", "errors, %", box=None, title="Accuracy")
     for row in rows:
         if row["kind"] in ("bar", "column"):
