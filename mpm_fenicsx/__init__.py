@@ -6,7 +6,7 @@ from .checkpoint import Checkpoint
 from .finite_elements import FiniteElements
 from .ghost_penalty import GhostPenalty
 from .grid import Grid
-from .mapping import CMPM, DM, DM_C, DM_G, DM_GC, GIMP, MAPPINGS, MPM, Mapping
+from .mapping import CMPM, DM, DM_C, DM_G, DM_GC, DM_GCL, GIMP, MAPPINGS, MPM, Mapping
 from .materials import Hencky, LinearElastic, VonMises
 from .newton import Newton
 from .output import Snapshots
@@ -19,7 +19,7 @@ from .time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .velocities import flip, trapezoidal
 
 __all__ = [
-    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "GIMP", "MAPPINGS", "MPM", "Checkpoint", "DeadLoad", "Energy",
+    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "DM_GCL", "GIMP", "MAPPINGS", "MPM", "Checkpoint", "DeadLoad", "Energy",
     "FiniteElements", "Fixed", "GeneralizedAlpha", "GhostPenalty", "Gravity", "Grid", "Hencky", "LinearElastic",
     "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation", "Snapshots",
     "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "VonMises", "flip", "trapezoidal",

@@ -5,36 +5,33 @@ from __future__ import annotations
 import numpy as np
 
 from .grid import Grid
-from .kernels import interpolate_gradient, jit, once
+from .kernels import jit
 
 
 class Composite:
-    """Gradients from the composite patch of up to four nodes a direction (CMPM).
+    """Gradients from composite patches of up to four nodes (CMPM).
 
-    A patch reaches into cells that hold material points and no others.  Along each direction the shape functions
-    are the Lagrange polynomials through its nodes; their coefficients belong to the cell and are refreshed only
-    where the patch has changed.
+    The derivative along a direction is that of the Lagrange polynomial through the nodes of the cell and of those
+    neighbours along it that hold material points, at the cell's rows of nodes; between the rows it is linear.  With
+    polynomials across as well (a tensor product) a free body gains energy, and is less accurate: see
+    studies/composite_across.py.  Coefficients belong to the cell and are refreshed only where the patch has changed.
     """
 
     def __init__(self, grid: Grid):
         self.grid = grid
         self.extent = np.full((grid.cells, grid.dim, 2), -1, dtype=np.int8)
-        self.whole = np.zeros(grid.cells, dtype=np.int8)
         self.power = np.zeros((grid.cells, grid.dim, 4, 4))
 
     def place(self, filled: np.ndarray) -> None:
         """Refresh for the cells that hold points, ``filled`` (cells,) of 0 and 1."""
         lat = self.grid.lattice
         coefficients(filled, lat.neighbour, lat.lower, lat.upper, self.extent, self.power)
-        patch_whole(filled, lat.neighbour, self.extent, self.whole)
 
     def gradient_at_points(self, x: np.ndarray, cell: np.ndarray, nodal: np.ndarray) -> np.ndarray:
         """Gradients (n, dim, dim) at points x (n, dim) in cells (n,) of nodal vectors (nodes, dim)."""
         grid, lat = self.grid, self.grid.lattice
-        line, slope = (np.empty((len(x), grid.dim, 4)) for _ in range(2))
-        first, out = np.empty(len(x), np.uint64), np.empty((len(x), grid.dim, grid.dim))
-        polynomials(grid.axes, x, cell, lat.lower, lat.upper, self.whole, self.power, first, line, slope)
-        interpolate_gradient(grid.axes, once(4), lat.around, first, line, slope, nodal, out)
+        out = np.empty((len(x), grid.dim, grid.dim))
+        gradients(grid.axes, x, cell, lat.lower, lat.upper, self.power, lat.around, nodal, out)
         return out
 
 
@@ -73,44 +70,30 @@ def coefficients(filled, neighbour, lower, upper, extent, power):
 
 
 @jit
-def patch_whole(filled, neighbour, extent, whole):
-    """Mark cells whose tensor-product patch has material in all its cells, corners included."""
-    n, dim, _ = neighbour.shape
-    for c in range(n):
-        whole[c] = 1
-        for d in range(dim):
-            for e in range(dim):
-                if d == e:
-                    continue
-                for s in range(2):
-                    for t in range(2):
-                        if extent[c, d, s] and extent[c, e, t]:
-                            corner = neighbour[neighbour[c, d, s], e, t]
-                            if corner < 0 or not filled[corner]:
-                                whole[c] = 0
-                            elif dim == 3:
-                                f = 3 - d - e
-                                for r in range(2):
-                                    if extent[c, f, r]:
-                                        last = neighbour[corner, f, r]
-                                        if last < 0 or not filled[last]:
-                                            whole[c] = 0
-
-
-@jit
-def polynomials(axes, x, cell, lower, upper, whole, power, first, line, slope):
-    """At points x: ``slope`` (n, dim, 4), 1/m, of the four polynomials of each direction; ``line``, their values,
-    which are those of linear functions where a corner of the patch has no material; ``first`` as in ``kernels``."""
+def gradients(axes, x, cell, lower, upper, power, around, field, out):
+    """out_p,ed = ∂_d u_e at points x, of nodal vectors ``field`` (nodes, dim)."""
     dim = len(axes)
+    slope, line = np.empty((dim, 4)), np.empty((dim, 2))
     for p in range(len(x)):
         c = cell[p]
-        first[p] = c * 4**dim
         for d in range(dim):
             per_h = 1.0 / (upper[c, d] - lower[c, d])
             t = (x[p, d] - lower[c, d]) * per_h
+            line[d, 0], line[d, 1] = 1.0 - t, t
             for i in range(4):
-                a0, a1, a2, a3 = power[c, d, i, 0], power[c, d, i, 1], power[c, d, i, 2], power[c, d, i, 3]
-                slope[p, d, i] = (a1 + t * (2.0 * a2 + t * 3.0 * a3)) * per_h
-                line[p, d, i] = a0 + t * (a1 + t * (a2 + t * a3)) if whole[c] else 0.0
-            if not whole[c]:
-                line[p, d, 1], line[p, d, 2] = 1.0 - t, t
+                a = power[c, d, i]
+                slope[d, i] = (a[1] + t * (2.0 * a[2] + t * 3.0 * a[3])) * per_h
+        first = np.uint64(c * 4**dim)
+        for d in range(dim):
+            along, q = np.uint64(4**d), np.uint64(4 ** ((d + 1) % dim))
+            r = np.uint64(4 ** ((d + 2) % dim)) if dim == 3 else np.uint64(0)
+            for e in range(dim):
+                out[p, e, d] = 0.0
+            for k in range(2 if dim == 3 else 1):
+                for j in range(2):
+                    w = line[(d + 1) % dim, j] * (line[(d + 2) % dim, k] if dim == 3 else 1.0)
+                    row = first + np.uint64(1 + j) * q + np.uint64(1 + k) * r
+                    for i in range(4):
+                        node, g = around[row + np.uint64(i) * along], w * slope[d, i]
+                        for e in range(dim):
+                            out[p, e, d] += g * field[node, e]

@@ -48,7 +48,8 @@ class FiniteElements(Run):
         density, λ, μ = (fem.Constant(grid.mesh, np.array(v)) for v in numbers)
         self._lame = λ, μ
         scene = self.scene = Scene(grid, motion, density, motion.region.dx(metadata={"quadrature_degree": 3}))
-        internal = [elasticity(scene, λ, μ, self.displacement, b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
+        internal = [elasticity(scene, scene.dx, λ, μ, self.displacement, b_bar)]
+        internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]
         if not reassemble:
             direct = "mumps" if grid.comm.size > 1 else "petsc"
@@ -160,7 +161,9 @@ class FiniteElements(Run):
     @cached_property
     def _energies(self) -> dict[str, object]:
         motion, scene, u = self.motion, self.scene, self.displacement
-        found = {"strain": 0.5 * elastic_work(scene, *self._lame, u, u, self.b_bar)} if self.yielding is None else {}
+        found = {}
+        if self.yielding is None:
+            found["strain"] = 0.5 * elastic_work(motion, scene.dx, *self._lame, u, u, self.b_bar)
         if self.stepping.dynamic:
             found["kinetic"] = 0.5 * inner(scene.density * motion.v, motion.v) * scene.dx
         return {name: fenicsx.compile_form(form) for name, form in found.items()}

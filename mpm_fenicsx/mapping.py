@@ -14,13 +14,20 @@ class Mapping:
     ``support``: points deposit with shape functions averaged over their support domains (GIMP; within each cell
     the local S*_ip of DM-G), else with linear ones; ``integrate``: mass and stiffness are summed at the points or
     double-mapped to the Gauss points (eq. 7); ``composite``: strain is recovered from the composite patch (CMPM),
-    else with the gradients of the deposit.
+    else with the gradients of the deposit.  ``mass``: where mass is summed, as ``integrate`` says if not given;
+    ``linear``: stress is linear over a support domain in the internal force, else constant.
     """
 
     name: str
     support: bool
     integrate: Integration
     composite: bool
+    mass: Integration = AT_POINTS
+    linear: bool = False
+
+    def __post_init__(self) -> None:
+        if self.linear and not self.support:
+            raise ValueError(f"linear stress needs support domains, and mapping {self.name} has none")
 
     def __str__(self) -> str:
         return self.name
@@ -33,5 +40,6 @@ DM = Mapping("DM", False, DOUBLE_MAPPED, False)
 DM_G = Mapping("DM-G", True, DOUBLE_MAPPED, False)
 DM_C = Mapping("DM-C", False, DOUBLE_MAPPED, True)
 DM_GC = Mapping("DM-GC", True, DOUBLE_MAPPED, True)
+DM_GCL = Mapping("DM-GCL", True, DOUBLE_MAPPED, True, linear=True)
 
 MAPPINGS = (MPM, GIMP, CMPM, DM, DM_G, DM_C, DM_GC)

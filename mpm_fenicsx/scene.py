@@ -30,7 +30,8 @@ class Scene:
     """Collects what the terms of a simulation need, and no more.
 
     ``density`` is the field or constant ρ (kg/m³); ``dx`` integrates what it weighs; ``lame`` are the fields λ and μ
-    (Pa) of material points, which like ``density`` are less where a cell is partly filled.
+    (Pa) of material points, which like ``density`` are less where a cell is partly filled.  ``body_force`` makes ρb
+    (N/m³) of a body force per mass that varies in space, and what refreshes it: at nodes, where it is not given.
     """
 
     grid: Grid
@@ -38,6 +39,7 @@ class Scene:
     density: object
     dx: ufl.Measure
     lame: tuple = ()
+    body_force: Callable | None = None
     fixed: list = field(default_factory=list)
     before: list[Callable[[float, float], None]] = field(default_factory=list)
     patches: dict[int, object] = field(default_factory=dict)

@@ -12,13 +12,15 @@ from .equilibrium import Equilibrium
 from .finite_strain import finite_strain_of
 from .gauss import GaussPoints
 from .grid import Grid
+from .internal_force import ConstantStress, LinearStress
 from .mapping import DM_GC
 from .mapping import Mapping as PointMapping
 from .motion import Motion
 from .newton import Newton
 from .partition import anywhere
 from .points import MaterialPoints
-from .projection import DOUBLE_MAPPED, Projection
+from .projection import DOUBLE_MAPPED
+from .properties import Properties
 from .run import Run, RunError
 from .scene import Scene
 from .shapes import Stencil
@@ -57,18 +59,19 @@ class Simulation(Run):
         self.cells = [self._locate_first(body) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
         self.composite = Composite(grid) if mapping.composite else None
-        self.projection = Projection(grid, mapping.integrate, 3)
-        density, λ, μ = self.projection.fields
-        dx = motion.region.dx(metadata={"quadrature_degree": mapping.integrate.quadrature})
-        scene = self.scene = Scene(grid, motion, density, dx, (λ, μ))
-        internal = [elasticity(scene, λ, μ, b_bar=b_bar)] + ([inertia(scene)] if stepping.dynamic else [])
+        self.stress = LinearStress(grid) if mapping.linear else ConstantStress(grid)
+        given = self.properties = Properties(motion, mapping, self.bodies, self.stencils)
+        density, λ, μ = given.fields
+        scene = self.scene = Scene(grid, motion, density, given.mass_dx, (λ, μ), given.body_force)
+        internal = [elasticity(scene, given.stiffness_dx, λ, μ, b_bar=b_bar)]
+        internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
         if stepping.dynamic:
-            self.deposit = Deposit(motion, density, dx, sweeps)
+            self.deposit = Deposit(motion, density, given.mass_dx, sweeps)
             for body in self.bodies:
                 for name in ("velocity", "acceleration"):
                     value = getattr(body, name)
@@ -111,11 +114,7 @@ class Simulation(Run):
 
     def project(self) -> None:
         """Density and Lamé's constants of the points onto the grid's discontinuous fields."""
-        self.projection.clear()
-        for body, stencil in zip(self.bodies, self.stencils, strict=True):
-            λ, μ = body.material.kinematics.lame(body.material)
-            self.projection.add(stencil, np.stack((body.mass, body.volume * λ, body.volume * μ), axis=1))
-        self.projection.finish()
+        self.properties.project()
         if self.yielding is not None:
             self.yielding.place()
 
@@ -159,9 +158,7 @@ class Simulation(Run):
 
     def _internal_force(self) -> np.ndarray:
         self._internal[:] = 0.0
-        for body, stencil in zip(self.bodies, self.stencils, strict=True):
-            stress = tensors.matrix(body.stress, self.grid.dim)
-            stencil.deposit_divergence(body.volume[:, None, None] * stress, self._internal)
+        self.stress.add(self.bodies, self.stencils, self._internal)
         return self._internal.ravel()
 
     def state(self) -> dict[str, np.ndarray]:

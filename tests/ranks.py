@@ -119,7 +119,7 @@ def still(dim: int, mapping) -> dict:
     run.solve()
     dynamic = Simulation(grid, body_of(grid)[0], Newmark(1e-4), [], mapping)
     static = Simulation(grid, body_of(grid)[0], QuasiStatic(1), [], mapping)
-    out = {"fields": projected(grid, run.projection), "internal": {}}
+    out = {"fields": projected(grid, run.properties.projections[0]), "internal": {}}
     for name, part in (("all", run), ("inertia", dynamic), ("stiffness", static)):
         part.locate()
         part.project()

@@ -72,7 +72,7 @@ def test_the_step_is_equation_12(scene, mapping):
     grid, motion, body = run.grid, run.motion, run.bodies[0]
     dim, V, dx = grid.dim, grid.space, run.scene.dx
     u, w = ufl.TrialFunction(V), ufl.TestFunction(V)
-    ρ, λ, μ = run.projection.fields
+    ρ, λ, μ = run.properties.fields
 
     M = dense.matrix(inner(ρ * u, w) * dx)
     K = dense.matrix(forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), w) * dx)
@@ -113,7 +113,7 @@ def test_the_step_is_equation_12(scene, mapping):
 def test_point_sums_by_hand_are_the_matrix_of_mpm(scene):
     run, _ = scene(MPM)
     grid, body, dim = run.grid, run.bodies[0], run.grid.dim
-    V, (ρ, λ, μ) = grid.space, run.projection.fields
+    V, (ρ, λ, μ) = grid.space, run.properties.fields
     u, w = ufl.TrialFunction(V), ufl.TestFunction(V)
     N = dense.hats(grid, body.x)
     B = np.zeros((len(body), grid.nodes, dim))

@@ -257,7 +257,7 @@ def test_a_step_compiles_and_allocates_nothing(mapping, stepping, monkeypatch):
 
     def kept():
         eq = run.equilibrium
-        fields = [*run.projection.fields, run.motion.u, eq.force, eq.matrix, eq.ksp]
+        fields = [*run.properties.fields, run.motion.u, eq.force, eq.matrix, eq.ksp]
         if stepping.dynamic:
             fields += [run.motion.v, run.motion.a]
         arrays = [a for s in run.stencils for a in (s.first, s.line, s.slope, s.side, s.span, s.share)]

@@ -1,0 +1,62 @@
+"""What material points give to the grid's integrals: density and Lamé's constants, and body forces that vary."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import ufl
+
+from .mapping import Mapping
+from .motion import Motion
+from .points import MaterialPoints
+from .projection import Integration, Projection
+from .shapes import Stencil
+
+
+class Properties:
+    """Density ρ and Lamé's λ, μ of all bodies as discontinuous ``fields``.
+
+    ``mass_dx`` and ``stiffness_dx`` are the measures whose integrals of them are exact.  Mass and stiffness share a
+    projection where the mapping integrates them alike.
+    """
+
+    def __init__(self, motion: Motion, mapping: Mapping, bodies: Sequence[MaterialPoints],
+                 stencils: Sequence[Stencil]):
+        self.grid, self._bodies, self._stencils = motion.grid, bodies, stencils
+        self._mass = mapping.mass
+        columns = [[0, 1, 2]] if mapping.mass is mapping.integrate else [[0], [1, 2]]
+        self.projections = [Projection(self.grid, way, len(of))
+                            for way, of in zip((mapping.mass, mapping.integrate), columns, strict=False)]
+        self._columns = columns
+        self.fields = [f for projection in self.projections for f in projection.fields]
+        self.mass_dx, self.stiffness_dx = (_measure(motion, way) for way in (mapping.mass, mapping.integrate))
+
+    def project(self) -> None:
+        """Refresh the fields for the points where they are now."""
+        for projection in self.projections:
+            projection.clear()
+        for body, stencil in zip(self._bodies, self._stencils, strict=True):
+            λ, μ = body.material.kinematics.lame(body.material)
+            values = np.stack((body.mass, body.volume * λ, body.volume * μ), axis=1)
+            for projection, columns in zip(self.projections, self._columns, strict=True):
+                projection.add(stencil, np.ascontiguousarray(values[:, columns]))
+        for projection in self.projections:
+            projection.finish()
+
+    def body_force(self, function: Callable[[float, float, np.ndarray], np.ndarray]):
+        """ρb (N/m³) of a body force per mass, ``function`` of start, end and places x (n, dim), taken at the points;
+        and what refreshes it for a step."""
+        projection = Projection(self.grid, self._mass, self.grid.dim)
+
+        def refresh(start: float, end: float) -> None:
+            projection.clear()
+            for body, stencil in zip(self._bodies, self._stencils, strict=True):
+                projection.add(stencil, body.mass[:, None] * function(start, end, body.x))
+            projection.finish()
+
+        return ufl.as_vector(projection.fields), refresh
+
+
+def _measure(motion: Motion, integration: Integration) -> ufl.Measure:
+    return motion.region.dx(metadata={"quadrature_degree": integration.quadrature})
