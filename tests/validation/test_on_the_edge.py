@@ -9,8 +9,6 @@ import pytest
 
 from mpm_fenicsx import (
     CMPM,
-    DM,
-    DM_C,
     DM_G,
     DM_GC,
     GIMP,
@@ -31,7 +29,6 @@ SOIL, H, STRESS = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25,
 MAPPED = pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
 TILED = pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
 UNSTABLE = "composite strain on linear weights: round-off grows"
-ALONE = "a point on a node gives the node its momentum, but by double mapping gives mass to the cell's other nodes too"
 GAPS = "support domains around random points overlap and leave gaps: the bar's internal force is not that of its stress"
 
 
@@ -55,7 +52,7 @@ def test_a_body_that_steps_from_node_to_node(dim, mapping, record):
         error = max(np.abs(body.stress).max() / SOIL.young, np.abs(body.x - start - 3 * H).max() / H)
     except RunError:
         error = np.inf
-    reason = ALONE if mapping in (DM, DM_C) else UNSTABLE if mapping is CMPM else ""
+    reason = UNSTABLE if mapping is CMPM else ""
     record(f"14 points on nodes and edges, {dim}D: stress/E, path", mapping, error, reason)
     if reason:
         assert error > 0.2
@@ -119,5 +116,5 @@ def test_points_strewn_at_random_do_not_hold_a_stress(mapping, record):
     """At rest, off by up to 0.3 of their spacing: an error of that size; only DM-GC's grows in 1,000 steps."""
     error = bar(mapping, 0.0, jitter=0.3, steps=1000)
     record("14 bar under stress, random points at rest, 1,000 steps", mapping, error.max(), GAPS)
-    assert 0.3 < error.max() < 1.2
+    assert 0.3 < error.max() < 2.0
     assert mapping is DM_GC or error[750:].max() < 1.05 * error[:250].max()

@@ -10,7 +10,6 @@ from mpm_fenicsx import (
     CMPM,
     DM,
     DM_C,
-    DM_G,
     DM_GC,
     GIMP,
     MAPPINGS,
@@ -29,9 +28,8 @@ pytestmark = pytest.mark.validation
 SOIL, H = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25
 MAPPED = pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
 GROWTH = "small strain: a turn by θ reads as 1 - cos θ of compression, relieved by growth of 2π²/N a turn in N steps"
-LEAKS = "double-mapped mass is not that of the points where cells are partly full: what the grid keeps they do not"
 STIFFLESS = "few points in a cut cell leave the matrix nearly singular: the linear solver's 1e-11 comes back as 1e-7"
-UNSTABLE = "composite strain, which is not the adjoint of the internal force, feeds a free edge: energy grows"
+UNSTABLE = "strain or stiffness that is not the adjoint of the internal force feeds a free edge on linear weights"
 
 
 @MAPPED
@@ -97,35 +95,26 @@ def turn(mapping, steps, turns=1.0, dim=2, cells=4):
 def test_a_disc_turns_once(mapping, record):
     """Stress stays of the size of ρω²R² = 1.2e-4 E; what a turn adds is growth, of first order in Δt."""
     spin, growth, stress, drift = np.array([turn(mapping, steps) for steps in (400, 800)]).T
-    leaks = mapping in (DM, DM_G, DM_C, DM_GC)
     record("7 disc of 4 cells' radius, a turn in 400 steps: angular momentum", mapping, abs(spin[0]),
-           UNSTABLE if mapping is CMPM else LEAKS if leaks else GROWTH)
+           UNSTABLE if mapping is CMPM else GROWTH)
     if mapping is CMPM:
         assert not np.isfinite(growth).any()
         return
-    if mapping is not DM:
-        assert drift.max() < 1e-7
-    if leaks:
-        assert ((spin < -0.5) | np.isinf(spin)).all()
-    else:
-        record("7 the same: growth of the radius", mapping, growth[0], GROWTH)
-        record("7 the same: stress/E", mapping, stress[0])
-        np.testing.assert_allclose(growth * [400, 800], 2 * np.pi**2, rtol=0.05)
-        assert stress.max() < 2e-4
-        assert 0.4 * spin[0] > spin[1] - 0.01 > 0.0
+    assert drift.max() < 1e-7
+    record("7 the same: growth of the radius", mapping, growth[0], GROWTH)
+    record("7 the same: stress/E", mapping, stress[0])
+    np.testing.assert_allclose(growth * [400, 800], 2 * np.pi**2, rtol=0.05)
+    assert stress.max() < 4e-4
+    assert 0.4 * spin[0] > spin[1] - 0.01 > 0.0
 
 
 @pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
 def test_a_cylinder_turns_a_quarter(mapping, record):
     spin, growth, stress, drift = turn(mapping, 200, 0.25, 3)
-    record("7 cylinder, a quarter turn in 50 steps: angular momentum", mapping, abs(spin),
-           LEAKS if mapping is DM_GC else GROWTH)
+    record("7 cylinder, a quarter turn in 50 steps: angular momentum", mapping, abs(spin), GROWTH)
     assert drift < 1e-7
     assert stress < 3e-4
-    if mapping is DM_GC:
-        assert spin < -0.1
-    else:
-        assert growth == pytest.approx(2 * np.pi**2 / 200 / 4, rel=0.15)
+    assert growth == pytest.approx(2 * np.pi**2 / 200 / 4, rel=0.15)
 
 
 @pytest.mark.parametrize("sweeps", [0, 1])
@@ -150,14 +139,14 @@ def test_a_free_block_that_vibrates_keeps_its_momentum_and_does_not_gain_energy(
             worst = gain = np.inf
             break
         worst = max(worst, np.abs(body.mass @ body.velocity - before).max() / scale.max())
-        gain = max(gain, energy.left.max() / energy.left[0] - 1)
-    summed = mapping in (MPM, GIMP, CMPM)
-    grows = mapping is CMPM or (mapping.composite and sweeps == 1)
+        early, late = (part.max() for part in np.array_split(energy.left, 2))
+        gain = max(gain, late / early - 1)  # at any one time the energy of a strain on so few cells is up to 9 % off
+    grows = mapping in (CMPM, DM_C) or (mapping is DM and sweeps == 1)
     case = f"7 free block vibrates for 1,000 steps, sweeps={sweeps}"
-    record(f"{case}: momentum", mapping, worst, UNSTABLE if grows else "" if summed else LEAKS)
-    record(f"{case}: gain of energy", mapping, gain, UNSTABLE if grows else "")
+    record(f"{case}: momentum", mapping, worst, UNSTABLE if grows else "")
+    record(f"{case}: gain of energy", mapping, max(gain, 0.0), UNSTABLE if grows else "")
     if grows:
         assert gain > 1.0
     else:
-        assert gain < 0.02
-        assert worst < 1e-9 if summed else 1e-3 < worst < 0.03
+        assert gain <= 0.0
+        assert worst < 1e-9
