@@ -59,7 +59,7 @@ def test_the_form_is_b_bar_by_hand_on_one_cell(dim):
     grid = Grid.box((0,) * dim, size, (1,) * dim)
     soil = LinearElastic(young=3e6, poisson=0.49, density=1.0)
     scene, u = dense.bare_scene(grid, QuasiStatic(1)), ufl.TrialFunction(grid.space)
-    K = dense.matrix(elastic_work(scene, *soil.lame, u, scene.motion.w, b_bar=True))
+    K = dense.matrix(elastic_work(scene.motion, scene.dx, *soil.lame, u, scene.motion.w, b_bar=True))
     ξ = np.rint(grid.space.tabulate_dof_coordinates()[:, :dim] / size)  # of nodes, 0 or 1
     gauss = 0.5 + (np.stack(np.meshgrid(*[[-1, 1]] * dim, indexing="ij"), -1).reshape(-1, dim)) / np.sqrt(12)
     C = soil.tangent(np.zeros((1, tensors.components(dim))), np.zeros((1, tensors.components(dim))), None)[2][0]
@@ -76,7 +76,7 @@ def test_the_form_is_b_bar_by_hand_on_one_cell(dim):
         bar = b + np.outer(volume, mean - volume @ b) / 3
         by_hand += size.prod() / len(B) * bar.T @ C @ bar
     assert np.abs(K - by_hand).max() < 1e-14 * np.abs(K).max()
-    plain = dense.matrix(elastic_work(scene, *soil.lame, u, scene.motion.w))
+    plain = dense.matrix(elastic_work(scene.motion, scene.dx, *soil.lame, u, scene.motion.w))
     assert np.abs(plain - by_hand).max() > 0.1 * np.abs(K).max()
 
 
