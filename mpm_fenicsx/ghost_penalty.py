@@ -72,22 +72,34 @@ class GhostPenalty:
         return Contribution(work * measure)
 
 
+class _Given:
+    """What a discontinuous field gives to the nodes of each cell: 2^dim ∫ f N over |c|, 1 to each of a field of 1."""
+
+    def __init__(self, grid: Grid, f: fem.Function):
+        nodes = round(fenicsx.cell_dofs(f.function_space).shape[1] ** (1 / grid.dim))
+        self._field, self._dofs = f, grid.tensor_order(f.function_space, nodes - 1)
+        g = HATS if nodes == 2 else QUADRATICS
+        line = 2.0 * g @ (1.0 / (np.arange(nodes)[:, None] + np.arange(2) + 1.0)) @ HATS.T
+        self._weights = line
+        for _ in range(grid.dim - 1):
+            self._weights = np.kron(self._weights, line)
+
+    def to_nodes(self) -> np.ndarray:
+        """To each node (cells, 2^dim)."""
+        return self._field.x.array[self._dofs] @ self._weights
+
+    def mean(self) -> np.ndarray:
+        """The field's means (cells,)."""
+        return self._field.x.array[self._dofs] @ self._weights.mean(axis=1)
+
+
 class _Cut:
     """Which cells have light nodes, ``β`` how light; ``modulus`` (Pa) and ``density`` (kg/m³) of cells when full, zero
     where there is nothing."""
 
     def __init__(self, grid: Grid, density: fem.Function, lame: tuple, below: float):
-        self.grid, self.below, self._fields = grid, below, (density, *lame)
-        V = density.function_space
-        nodes = round(fenicsx.cell_dofs(V).shape[1] ** (1 / grid.dim))
-        self._dofs = grid.tensor_order(V, nodes - 1)
-        # 2 ∫ g N over a cell of length 1: of a field of 1, every node gets 1
-        g = HATS if nodes == 2 else QUADRATICS
-        line = 2.0 * g @ (1.0 / (np.arange(nodes)[:, None] + np.arange(2) + 1.0)) @ HATS.T
-        self._given = line
-        for _ in range(grid.dim - 1):
-            self._given = np.kron(self._given, line)
-        self._mean = self._given.mean(axis=1)
+        self.grid, self.below = grid, below
+        self._density, *self._lame = (_Given(grid, f) for f in (density, *lame))
         W = fenicsx.space(grid.mesh, "DQ", 0)
         self._of_cells = fenicsx.cell_dofs(W)[:, 0]
         self.β, self.modulus, self.density = (fem.Function(W) for _ in range(3))
@@ -95,15 +107,15 @@ class _Cut:
     def find(self, filled: np.ndarray) -> None:
         """Look at the fields as they are; cells in ``filled`` (cells,) bear a load though they may be empty."""
         grid, lattice = self.grid, self.grid.lattice
-        ρ, λ, μ = (f.x.array[self._dofs] for f in self._fields)
-        mean = np.maximum(ρ @ self._mean, 0.0)
+        mean = np.maximum(self._density.mean(), 0.0)
         full = grid.share_cells(lattice.spread(mean))
         there = mean > TRACE * full
         self.filled = (mean > 0.0) | grid.share_cells(filled).astype(bool)
         self._set(self.density, np.where(there, full, 0.0))
-        speed = np.maximum((λ + 2.0 * μ) @ self._mean, 0.0) / np.where(there, mean, 1.0)  # c_p², however full
+        λ, μ = (f.mean() for f in self._lame)
+        speed = np.maximum(λ + 2.0 * μ, 0.0) / np.where(there, mean, 1.0)  # c_p², however full
         self._set(self.modulus, np.where(self.filled, full * np.where(there, speed, lattice.spread(speed)), 0.0))
-        given = np.maximum(ρ @ self._given, 0.0) / np.where(full > 0.0, full, 1.0)[:, None]
+        given = np.maximum(self._density.to_nodes(), 0.0) / np.where(full > 0.0, full, 1.0)[:, None]
         best = np.zeros(grid.nodes)
         np.maximum.at(best, lattice.nodes, given)
         lacking = np.maximum(1.0 - best[lattice.nodes].min(axis=1) / self.below, 0.0)
