@@ -28,7 +28,7 @@ pytestmark = pytest.mark.validation
 SOIL, H, N, STEPS = LinearElastic(young=100e6, poisson=0.0, density=1500.0), 0.25, 20, 10_000
 BETA = np.pi / 2 / (N * H)
 OMEGA = BETA * SOIL.p_speed
-GAINS = "the strain of the patch is not the adjoint of the internal force: energy grows by up to 1e-3 in 10,000 steps"
+GAINS = "points take more force from the patch's strain than the matrix of (7) has: energy grows by up to 1e-3"
 LOSES = "points move 0.4 cells across edges, which costs energy; it never grows but for the first period's 1 %"
 METHODS = [(None, 1), *((mapping, 1) for mapping in MAPPINGS), (DM_GC, 0)]
 
@@ -101,12 +101,15 @@ def test_a_little_dissipation_and_the_energy_of_composite_strain_never_grows(rad
     assert tenths[-1] / tenths[0] == pytest.approx((1 - damping) ** (2 * 9000), abs=2e-5)
 
 
-@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_G, DM_GC], ids=str)
-def test_energy_falls_where_points_cross_cells(mapping, record):
+@pytest.mark.parametrize("mapping, radius", [(MPM, 1.0), (GIMP, 1.0), (DM_G, 1.0), (DM_GC, 1.0), (DM_GC, 0.9)], ids=str)
+def test_energy_where_points_cross_cells(mapping, radius, record):
     """At 3 % of strain, where kinetic and strain energy are no longer those of the small one: 1 % up and down."""
-    energy = vibrate(mapping, 1, 0.03)[2]
-    record("6 vibration at 3 % of strain: energy lost", mapping, 1 - energy[-1], "" if mapping is GIMP else LOSES)
-    assert (np.diff(maxima(energy)) < 0).all()
+    energy = vibrate(mapping, 1, 0.03, radius)[2]
+    how, gains = "" if radius == 1.0 else f", spectral radius {radius}", mapping is DM_GC and radius == 1.0
+    record(f"6 vibration at 3 % of strain: energy lost{how}", mapping, abs(1 - energy[-1]),
+           LOSES if mapping is MPM else GAINS if gains else "")
+    rises = np.diff(maxima(energy))
+    assert (rises < 0).all() != gains
+    assert rises.max() < 2e-4
     assert energy.max() < 1.012
-    loss = {MPM: 0.14, GIMP: 0.01, DM_G: 0.06, DM_GC: 0.06}[mapping]
-    assert 1 - energy[-1] == pytest.approx(loss, rel=0.15)
+    assert 0.0 < 1 - energy[-1] < (0.16 if mapping is MPM else 0.01)
