@@ -11,13 +11,12 @@ import pytest
 import ufl
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
-from strewn import SOIL, domains, in_frame, lines_of, scene, size_of, strewn, strewn_body, turned_stress
+from strewn import SOIL, domains, grid_of, in_frame, lines_of, scene, size_of, strewn, strewn_body, turned_stress
 
 from mpm_fenicsx import (
     DM_GCL,
     MAPPINGS,
     Gravity,
-    Grid,
     Hencky,
     MaterialPoints,
     Newmark,
@@ -34,6 +33,7 @@ from mpm_fenicsx.kinematics import FINITE_STRAIN
 from mpm_fenicsx.projection import AT_POINTS, DOUBLE_MAPPED, Projection
 from mpm_fenicsx.shapes import Stencil
 
+WHOLE = [Phase.explicit, Phase.reuse, Phase.generate]
 DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
 RUBBER = Hencky(young=20e6, poisson=0.25, density=1500.0)
 DIMS = pytest.mark.parametrize("dim", [2, 3], ids=["2D", "3D"])
@@ -43,13 +43,12 @@ LAWS = pytest.mark.parametrize("law", [SOIL, RUBBER], ids=["small strain", "Henc
 
 
 def few(examples):
-    return settings(max_examples=examples, deadline=None)
+    return settings(max_examples=examples, deadline=None, phases=[*WHOLE, Phase.shrink])
 
 
 def seeds(test):
     """Three whole scenes at random, which cannot be made simpler."""
-    phases = [Phase.explicit, Phase.reuse, Phase.generate]
-    return settings(max_examples=3, deadline=None, phases=phases)(given(seed=st.integers(0, 10**6))(test))
+    return settings(max_examples=3, deadline=None, phases=WHOLE)(given(seed=st.integers(0, 10**6))(test))
 
 
 def placed(grid, x, half):
@@ -68,7 +67,7 @@ def test_weights_are_complete(dim, data):
     """Σ S = 1, Σ ∇S = 0, Σ x_i S = the centre of the domain as it is cut off, Σ x_i ∇S = 1, composite patches too."""
     lines = data.draw(lines_of(dim))
     x, half = data.draw(strewn(lines))
-    grid, (far, h) = Grid.rectilinear(lines), size_of(lines)
+    grid, (far, h) = grid_of(lines), size_of(lines)
     node = grid.space.tabulate_dof_coordinates()[:, :dim]
     unity = np.broadcast_to(np.eye(dim), (len(x), dim, dim))
     for extent in (None, half):
@@ -94,7 +93,7 @@ def test_internal_force_has_no_sum_and_its_virial_is_the_stress(dim, data, mappi
     """Σ f_i = 0 and Σ f_i ⊗ x_i symmetric, Σ V σ where stress is constant over a domain: no moment on a free body."""
     lines = data.draw(lines_of(dim))
     body, (far, h) = strewn_body(data.draw, lines, np.random.default_rng(seed)), size_of(lines)
-    run = Simulation(Grid.rectilinear(lines), body, Newmark(1e-3), [], mapping)
+    run = Simulation(grid_of(lines), body, Newmark(1e-3), [], mapping)
     run.prepare(0.0, 1e-3)
     f, work = run._internal_force().reshape(-1, dim), body.volume[:, None, None] * tensors.matrix(body.stress, dim)
     scale = np.abs(work).sum()
@@ -119,7 +118,7 @@ def test_projected_moments_are_those_of_the_points(dim, data, averaged):
     half, mass = half if averaged else 0 * half, np.random.default_rng(len(x)).uniform(0.5, 2.0, len(x))
     a, b = (end - middle for end in domains(lines, x, half))
     mean = np.stack((np.ones_like(a), (a + b) / 2, (a * a + a * b + b * b) / 3))
-    grid = Grid.rectilinear(lines)
+    grid = grid_of(lines)
     found = {}
     for integration in (AT_POINTS, DOUBLE_MAPPED):
         projection = Projection(grid, integration, 1)
@@ -144,7 +143,7 @@ def test_the_deposit_gives_the_grid_the_momentum_of_the_points(dim, data, mappin
     """1ᵀM v = Σ m v, and the same of accelerations, however many sweeps; wherever points lie."""
     lines = data.draw(lines_of(dim))
     body = strewn_body(data.draw, lines, np.random.default_rng(seed))
-    run = Simulation(Grid.rectilinear(lines), body, Newmark(1e-3), [], mapping, sweeps=sweeps)
+    run = Simulation(grid_of(lines), body, Newmark(1e-3), [], mapping, sweeps=sweeps)
     run.prepare(0.0, 1e-3)
     run.predict()
     for field, values in ((run.motion.v, body.velocity), (run.motion.a, body.acceleration)):
@@ -159,7 +158,7 @@ def test_the_deposit_gives_the_grid_the_momentum_of_the_points(dim, data, mappin
 def stepped(lines, body, gravity, mapping, **keywords):
     """A copy of the body after a step at a Courant number of about one half."""
     fresh = MaterialPoints(body.material, body.x, body.half, body.volume, body.stress, body.velocity, body.acceleration)
-    run = Simulation(Grid.rectilinear(lines), fresh, Newmark(2e-3), [Gravity(tuple(gravity))], mapping, solver=DIRECT,
+    run = Simulation(grid_of(lines), fresh, Newmark(2e-3), [Gravity(tuple(gravity))], mapping, solver=DIRECT,
                      newton=Newton(tolerance=1e-12), **keywords)
     run.step()
     return fresh
