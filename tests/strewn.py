@@ -27,7 +27,7 @@ def lines_of(draw, dim):
 
 
 def grid_of(lines):
-    """A grid on these lines.  MPICH aborts without a word once some 300 are alive, as tests that fail may leave them."""
+    """A grid on these lines.  MPICH aborts without a word once some 300 are alive, which tests that fail hold on to."""
     if next(MADE) % 100 == 0:
         gc.collect()
     return Grid.rectilinear(lines)
