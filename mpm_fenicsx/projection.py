@@ -75,7 +75,9 @@ class Projection:
         V = fenicsx.space(grid.mesh, "DQ", integration.degree)
         self.fields = [fem.Function(V) for _ in range(fields)]
         self.dofs = grid.tensor_order(V, integration.degree).astype(np.uint32)
-        self._sums = np.zeros((len(self.fields[0].x.array) if fields else 0, fields))
+        # a field alone is summed in place
+        self._sums = self.fields[0].x.array.reshape(-1, 1) if fields == 1 else \
+            np.zeros((len(self.fields[0].x.array) if fields else 0, fields))
 
     def clear(self) -> None:
         """Forget what was added."""
@@ -91,7 +93,8 @@ class Projection:
     def finish(self) -> None:
         """Set the fields to the sums, over all ranks."""
         for k, f in enumerate(self.fields):
-            f.x.array[:] = self._sums[:, k]
+            if len(self.fields) > 1:
+                f.x.array[:] = self._sums[:, k]
             fenicsx.gather(f)
 
 

@@ -18,7 +18,7 @@ stamp=$venv/.stamp
 system_python=${SYSTEM_PYTHON:-/usr/bin/python3}
 
 # Each of these modules is in the Debian package python3-<module>.
-apt_modules="dolfinx meshio numba h5py matplotlib pytest scipy rich hypothesis"
+apt_modules="dolfinx meshio numba matplotlib pytest scipy rich hypothesis"
 
 say() { printf '%s\n' "$*" >&2; }
 die() { say "$@"; exit 1; }
@@ -54,7 +54,7 @@ find_python() {
         return
     fi
     pyenv_root=${PYENV_ROOT:-}
-    # 3.13 and 3.12 first: later ones may still lack wheels of numba or h5py.
+    # 3.13 and 3.12 first: later ones may still lack wheels of numba.
     for name in python3.13 python3.12 python3.14 python3 python; do
         version=${name#python}
         set -- "$name"

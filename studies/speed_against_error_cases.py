@@ -15,7 +15,7 @@ from speed_against_error_scenes import SCENES
 
 from mpm_fenicsx import RunError
 
-METHODS = ("FE", "MPM", "GIMP", "DM-G", "DM-GC")
+METHODS = ("FE", "MPM", "GIMP", "DM-G", "DM-GC", "DM-GCL")
 MORE = ("FE reassembled", "CMPM", "DM", "DM-C")
 ERRORS = ("error_displacement", "error_velocity", "error_stress")
 COURANT, MOST = (4.0, 2.0, 1.0, 0.5), 2000  # Courant numbers from fast to slow runs; steps at most

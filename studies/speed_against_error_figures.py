@@ -11,9 +11,9 @@ from matplotlib.ticker import NullFormatter
 from rich.table import Table
 from speed_against_error_cases import ERRORS, METHODS, MORE, SCENES, Case, in_space, in_time, together
 
-COLOURS = dict(zip(METHODS + MORE, ("#000000", "#CC79A7", "#E69F00", "#009E73", "#0072B2", "#999999", "#F0E442",
-                                    "#56B4E9", "#D55E00"), strict=True))
-MARKERS = dict(zip(METHODS + MORE, "sv^Dosv^D", strict=True))
+COLOURS = dict(zip(METHODS + MORE, ("#000000", "#CC79A7", "#E69F00", "#009E73", "#0072B2", "#D55E00", "#999999",
+                                    "#F0E442", "#56B4E9", "#E69F00"), strict=True))
+MARKERS = dict(zip(METHODS + MORE, "sv^DoPsv^D", strict=True))
 CLOCK = "cpu_seconds"  # of the steps: on one thread the time of a quiet machine, whoever else is at work on this one
 SWEEPS = {"h and Δt": (together, 0), "h": (in_space, 0), "Δt": (in_time, 1)}
 

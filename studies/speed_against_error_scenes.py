@@ -11,13 +11,13 @@ from pathlib import Path
 import manufactured
 import numpy as np
 
-from mpm_fenicsx import MAPPINGS, Probe
+from mpm_fenicsx import DM_GCL, MAPPINGS, Probe
 from mpm_fenicsx.exact import relative_error
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 import column
 
-MAPPING = {mapping.name: mapping for mapping in MAPPINGS}
+MAPPING = {mapping.name: mapping for mapping in (*MAPPINGS, DM_GCL)}
 
 
 class ColumnWatch:

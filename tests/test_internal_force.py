@@ -4,25 +4,23 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from conftest import LINES
 
 from mpm_fenicsx import DM_GCL, GIMP, MPM, Fixed, Grid, MaterialPoints, Newmark, Simulation, tensors
 from mpm_fenicsx.internal_force import ConstantStress, LinearStress
 from mpm_fenicsx.shapes import Stencil
 
 
-def edges(d, dim, rng):
-    """Lines of support domains along a direction: two of them in each cell, most domains lie across a grid line."""
-    line = np.array(LINES[dim][d])
+def edges(line, rng):
+    """Edges of support domains along a direction: two of them in each cell, most domains lie across a grid line."""
     inner = line[:-1, None] + np.diff(line)[:, None] * [0.3, 0.8] * rng.uniform(0.9, 1.1, (len(line) - 1, 2))
     return np.concatenate((line[:1], inner.ravel(), line[-1:]))
 
 
 @pytest.fixture
-def scene(grid, soil):
+def scene(grid, hats, soil):
     """Support domains that tile the grid, their stencil, and their edges."""
     rng = np.random.default_rng(5)
-    lines = [edges(d, grid.dim, rng) for d in range(grid.dim)]
+    lines = [edges(line, rng) for line in hats.lines]
     x, half = (np.stack(np.meshgrid(*parts, indexing="ij"), -1).reshape(-1, grid.dim) for parts in (
         [(a[1:] + a[:-1]) / 2 for a in lines], [np.diff(a) / 2 for a in lines]))
     body = MaterialPoints(soil, x, half, (2 * half).prod(axis=1))
