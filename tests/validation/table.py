@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 FILE = Path(__file__).parents[2] / "results" / "validation.json"
-ORDER = ("FE", "MPM", "GIMP", "CMPM", "DM", "DM-G", "DM-C", "DM-GC")
+ORDER = ("FE", "MPM", "GIMP", "CMPM", "DM", "DM-G", "DM-C", "DM-GC", "DM-GCL")
 
 
 def read(file: Path = FILE) -> list[dict]:

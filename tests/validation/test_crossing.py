@@ -102,8 +102,8 @@ def test_a_disturbance_of_one_percent_does_not_grow_over_2000_steps(mapping, cou
         assert quarter[1] > 10 * quarter[0]
         assert not quarter[-1] < 1.0
     else:
-        assert max(quarter) < 0.0101
-        assert quarter[-1] < 0.6 * quarter[0]
+        assert max(quarter) < 0.0105  # the strain of 13 cells a wave is up to 3 % off
+        assert (np.diff(quarter) < 0).all()
 
 
 @COURANT

@@ -70,7 +70,7 @@ def surface_speed(mapping, poisson, wave=12):
 
 @pytest.mark.parametrize("mapping, poisson, bound", [
     *((None, ν, 0.03) for ν in (0.25, 0.3, 0.41)), *((DM_GC, ν, 0.01) for ν in (0.25, 0.3, 0.41)),
-    (MPM, 0.25, 0.03), (GIMP, 0.25, 0.02), (DM_G, 0.25, 0.02)], ids=lambda value: str(value or "FE"))
+    (MPM, 0.25, 0.045), (GIMP, 0.25, 0.02), (DM_G, 0.25, 0.02)], ids=lambda value: str(value or "FE"))
 def test_speed_of_the_surface_wave(mapping, poisson, bound, record):
     """Twelve cells a wavelength; bilinear finite elements make such waves 1 % too fast, half as long ones 4 %."""
     exact = rayleigh_speed(poisson)

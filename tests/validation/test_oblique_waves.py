@@ -119,4 +119,5 @@ def test_energy_that_comes_back(mapping, poisson, angles, wave, record):
     if mapping is MPM:
         assert error > 0.2
     else:
-        assert error < (0.01 if 60 in angles or mapping in (GIMP, DM_G) else 0.002)
+        # at 60° the walls are nine cells apart, and DM-GC's one-sided patches there take 1 % in the 560 steps
+        assert error < (0.012 if 60 in angles or mapping in (GIMP, DM_G) else 0.002)

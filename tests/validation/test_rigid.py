@@ -104,7 +104,7 @@ def test_a_disc_turns_once(mapping, record):
     record("7 the same: growth of the radius", mapping, growth[0], GROWTH)
     record("7 the same: stress/E", mapping, stress[0])
     np.testing.assert_allclose(growth * [400, 800], 2 * np.pi**2, rtol=0.05)
-    assert stress.max() < 4e-4
+    assert stress.max() < (2e-3 if mapping is DM_C else 4e-4)
     assert 0.4 * spin[0] > spin[1] - 0.01 > 0.0
 
 
@@ -141,7 +141,7 @@ def test_a_free_block_that_vibrates_keeps_its_momentum_and_does_not_gain_energy(
         worst = max(worst, np.abs(body.mass @ body.velocity - before).max() / scale.max())
         early, late = (part.max() for part in np.array_split(energy.left, 2))
         gain = max(gain, late / early - 1)  # at any one time the energy of a strain on so few cells is up to 9 % off
-    grows = mapping in (CMPM, DM_C) or (mapping is DM and sweeps == 1)
+    grows = mapping is DM_C or (mapping in (CMPM, DM) and sweeps == 1)
     case = f"7 free block vibrates for 1,000 steps, sweeps={sweeps}"
     record(f"{case}: momentum", mapping, worst, UNSTABLE if grows else "")
     record(f"{case}: gain of energy", mapping, max(gain, 0.0), UNSTABLE if grows else "")
