@@ -3,6 +3,7 @@
 from mpi4py import MPI as _MPI  # noqa: F401  before dolfinx: it loads the MPI library of the wheel
 
 from .checkpoint import Checkpoint
+from .failure import RunError
 from .finite_elements import FiniteElements
 from .ghost_penalty import GhostPenalty
 from .grid import Grid
@@ -12,7 +13,6 @@ from .newton import Newton
 from .output import Snapshots
 from .points import MaterialPoints, SurfacePoints
 from .recorders import Energy, Probe
-from .run import RunError
 from .simulation import Simulation
 from .terms import DeadLoad, Fixed, Gravity, Traction, Viscoelastic, Viscous
 from .time_stepping import GeneralizedAlpha, Newmark, QuasiStatic

@@ -11,29 +11,17 @@ import numpy as np
 
 from . import fenicsx
 from .checkpoint import restart
-from .checks import finite, positive, whole
+from .checks import finite
+from .failure import OutputError, RunError
 from .grid import Grid
 from .newton import SolverError
-from .reactions import tractions
-from .terms import Traction
+from .statics import Statics
 from .time_stepping import Newmark, QuasiStatic
 
 FIELDS = ("displacement", "velocity", "acceleration", "stress")
 
 
-class RunError(RuntimeError):
-    """A run that cannot go on; names the step and its time.  What was recorded before is kept."""
-
-
-class OutputError(OSError, RunError):
-    """A recorder could not write: names step, time and file.
-
-    The step is done and the other recorders have seen it, so that the run can go on when there is space, or without
-    that recorder.
-    """
-
-
-class Run:
+class Run(Statics):
     """Steps in time and calls recorders after each step."""
 
     def __init__(self, name: str, grid: Grid, stepping: Newmark | QuasiStatic, terms: Sequence):
@@ -160,44 +148,6 @@ class Run:
             self.step()
             if progress is not None:
                 progress(self.steps)
-
-    def balance(self) -> tuple[np.ndarray, float]:
-        """What supports bear as things stand (dofs,), N, and the force out of balance, relative to those at work."""
-        raise NotImplementedError
-
-    def settle(self, tolerance: float = 1e-10, steps: int = 100) -> float:
-        """Repeat the step at the load reached, time standing still, until equilibrium; returns what is left.
-
-        A linear solve a step leaves an imbalance wherever the tangent is not the derivative of the force at the
-        points (eq. 7 is not: about 0.45 of it is left each time).  ``tolerance`` (-): largest imbalance, relative to
-        loads and internal force; ``steps``: how often at most.  Recorders are not called.  Raises ``RunError`` where
-        that does not suffice, ``ValueError`` in dynamics.
-        """
-        self._at_rest("settle")
-        tolerance, steps = positive("tolerance", tolerance), whole("steps", steps)
-        found = [self.balance()[1]]
-        while not found[-1] <= tolerance:
-            if len(found) > steps:
-                last = ", ".join(f"{value:.1e}" for value in found[-3:])
-                raise RunError(f"{self.name}: out of balance by {last} after {steps} steps at t = {self.time:.6g}; "
-                               f"allowed {tolerance:.1e}")
-            with self.reported():
-                self.advance(self.time, self.time)
-            found.append(self.balance()[1])
-        return found[-1]
-
-    def reactions(self, *surfaces) -> list[Traction]:
-        """What the fixed edges of a quasi-static run bear, as tractions on surfaces that take their place.
-
-        ``surfaces``: all of them together (they share corners), surface points on the fixed grid lines or facets of
-        a finite element run.  See ``reactions.tractions``; raises its ``ValueError`` and one in dynamics.
-        """
-        self._at_rest("reactions")
-        return tractions(self.scene, self.equilibrium.fixed, self.balance()[0], surfaces)
-
-    def _at_rest(self, name: str) -> None:
-        if self.stepping.dynamic:
-            raise ValueError(f"{name} needs a quasi-static run, got {self.stepping}")
 
     def finish(self) -> None:
         """End of a step: time goes on, recorders look, all of them even where one cannot write."""

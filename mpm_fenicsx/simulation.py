@@ -9,6 +9,7 @@ import numpy as np
 from . import tensors
 from .composite import Composite
 from .equilibrium import Equilibrium
+from .failure import RunError
 from .finite_strain import finite_strain_of
 from .gauss import GaussPoints
 from .grid import Grid
@@ -21,7 +22,7 @@ from .partition import anywhere
 from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
 from .properties import Properties
-from .run import Run, RunError
+from .run import Run
 from .scene import Scene
 from .shapes import Stencil
 from .terms import elasticity, inertia
