@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from types import SimpleNamespace
 
 from mpi4py import MPI  # before dolfinx: the wheel's dolfinx finds its MPI through it
@@ -14,6 +15,8 @@ import dolfinx.fem.petsc
 import numpy as np
 import ufl
 from dolfinx import fem, graph, la
+
+from . import compiling
 
 version = dolfinx.__version__
 _recent = hasattr(fem, "functionspace")
@@ -41,10 +44,9 @@ def space(mesh, family: str, degree: int, shape: tuple[int, ...] = ()):
     """Function space on ``mesh``; "Lagrange", or "DQ" for the discontinuous one on quadrilaterals."""
     if _recent:
         return fem.functionspace(mesh, (family, degree, shape) if shape else (family, degree))
+    make = partial(fem.VectorFunctionSpace, dim=shape[0]) if shape else fem.FunctionSpace
     with _quiet():
-        if shape:
-            return fem.VectorFunctionSpace(mesh, (family, degree), dim=shape[0])
-        return fem.FunctionSpace(mesh, (family, degree))
+        return compiling.build(mesh.comm, partial(make, mesh, (family, degree)))
 
 
 def quadrature_space(mesh, degree: int, size: int):
@@ -56,7 +58,7 @@ def quadrature_space(mesh, degree: int, size: int):
         return fem.functionspace(mesh, element)
     element = ufl.VectorElement("Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default")
     with _quiet():
-        return fem.FunctionSpace(mesh, element)
+        return compiling.build(mesh.comm, partial(fem.FunctionSpace, mesh, element))
 
 
 def cell_dofs(V) -> np.ndarray:
@@ -138,7 +140,9 @@ def compile_form(form):
         one = [part for part in form.integrals() if part.metadata().get("quadrature_degree", 2) < 2]
         rest = [part for part in form.integrals() if part not in one]
         parts = [ufl.Form(rest), ufl.Form(one)] if one and rest else [form]
-        return [_Form(part, options) if _recent else fem.form(part, **options) for part in parts]
+        comm = form.ufl_domain().ufl_cargo().comm
+        make = _Form if _recent else lambda part, options: fem.form(part, **options)
+        return [compiling.build(comm, partial(make, part, options)) for part in parts]
 
 
 class _Form:

@@ -1,0 +1,81 @@
+"""A process that is killed while it compiles leaves a source that FFCx waits for in vain."""
+
+import os
+import threading
+import time
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from dolfinx import fem
+
+from mpm_fenicsx import Grid, compiling, fenicsx
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch):
+    """An empty cache that FFCx waits for one second."""
+    monkeypatch.setitem(fenicsx._JIT, "cache_dir", str(tmp_path))
+    monkeypatch.setitem(fenicsx._JIT, "timeout", 1)
+    return tmp_path
+
+
+def area(scale):
+    grid = Grid.rectilinear([np.array([0.0, 2.0]), np.array([0.0, 1.0])])
+    form = fem.Constant(grid.mesh, scale) * grid.dx(metadata={"quadrature_degree": 2})
+    return lambda: fenicsx.assemble_scalar(fenicsx.compile_form(form))
+
+
+def half_made(cache, age):
+    """Make all that is compiled in the cache what it is while another process compiles it, since ``age`` seconds."""
+    sources = [file for file in cache.iterdir() if file.name.endswith(".c")]
+    for file in cache.iterdir():
+        if file not in sources:
+            file.unlink()
+    for source in sources:
+        os.utime(source, (time.time() - age,) * 2)
+    return sources
+
+
+def test_what_a_killed_process_left_is_compiled_anew(cache):
+    integral = area(3.0)
+    assert integral() == pytest.approx(6.0, rel=1e-14)
+    assert len(half_made(cache, 2 * compiling.ABANDONED)) == 1
+    assert integral() == pytest.approx(6.0, rel=1e-14)
+
+
+def test_what_another_process_compiles_is_waited_for(cache):
+    integral = area(3.0)
+    integral()
+    (source,) = half_made(cache, 0.0)
+    taken = []
+
+    def give_up():
+        time.sleep(2.5)
+        taken.append(source.stat().st_mtime)
+        os.utime(source, (1.0, 1.0))
+
+    other = threading.Thread(target=give_up)
+    other.start()
+    assert integral() == pytest.approx(6.0, rel=1e-14)
+    other.join()
+    assert source.stat().st_mtime > taken[0] > 1.0
+
+
+def test_an_error_of_the_compiler_is_told(cache, monkeypatch):
+    monkeypatch.setitem(fenicsx._JIT, "cffi_extra_compile_args", ["--no-such-option"])
+    with pytest.raises(Exception, match=r"gcc|CompileError|VerificationError|failed"):
+        area(3.0)()
+
+
+def test_any_other_error_is_not_tried_again():
+    calls = []
+
+    def make():
+        calls.append(1)
+        raise RuntimeError("JIT compilation failed on rank 0.")
+
+    with pytest.raises(RuntimeError, match="rank 0"):
+        compiling.build(MPI.COMM_WORLD, make)
+    assert calls == [1]
