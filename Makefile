@@ -1,6 +1,7 @@
 # Everything runs either on DOLFINx's wheel, in .venv (needs a Python >= 3.12, which is searched
 # for), or on Debian's DOLFINx with the system's Python, where nothing is installed.
 # DOLFINX=wheel or DOLFINX=apt forces one, ARGS="..." is handed on:  make test ARGS="-k mapping"
+# JOBS=N: so many processes for the tests.
 .DEFAULT_GOAL := help
 MAKEFLAGS += --no-print-directory
 
@@ -8,6 +9,7 @@ SYSTEM_PYTHON ?= /usr/bin/python3
 export SYSTEM_PYTHON
 STAMP := .venv/.stamp
 ARGS ?=
+JOBS ?= 2
 
 # One thread per process: the parallelism is MPI's, and runs are then repeatable.
 export OMP_NUM_THREADS := 1
@@ -47,7 +49,8 @@ help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 	@echo
 	@echo '  DOLFINX=wheel|apt forces .venv or Debian'"'"'s packages; PYTHON=... names the Python of .venv;'
-	@echo '  ARGS="..." goes to the command that is run, as in: make test ARGS="-x -k mapping"'
+	@echo '  ARGS="..." goes to the command that is run, as in: make test ARGS="-x -k mapping"; JOBS=4: four'
+	@echo '  processes for the tests instead of two'
 
 setup: $(READY) ## build .venv, or check Debian's packages where there is no Python >= 3.12
 	@echo "Ready, on DOLFINx from: $(DOLFINX)"
@@ -59,7 +62,7 @@ foundation: $(READY) ## run demos/foundation.py (minutes; ARGS=--quick: less)
 	@$(PY) demos/foundation.py $(ARGS)
 
 test: $(READY) ## run the tests
-	@$(PY) -m pytest $(ARGS)
+	@$(PY) -m pytest -n $(JOBS) --dist loadfile $(ARGS)
 
 test-apt: ## run the tests on Debian's DOLFINx, with /usr/bin/python3
 	@$(MAKE) test DOLFINX=apt

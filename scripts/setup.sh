@@ -17,8 +17,8 @@ venv=.venv
 stamp=$venv/.stamp
 system_python=${SYSTEM_PYTHON:-/usr/bin/python3}
 
-# Each of these modules is in the Debian package python3-<module>.
-apt_modules="dolfinx meshio numba matplotlib pytest scipy rich hypothesis"
+# Each of these modules is in the Debian package that `package` names.
+apt_modules="dolfinx meshio numba matplotlib pytest xdist scipy rich hypothesis"
 
 say() { printf '%s\n' "$*" >&2; }
 die() { say "$@"; exit 1; }
@@ -145,7 +145,12 @@ PY
     exit 1
 }
 
-package() { printf 'python3-%s' "$(printf '%s' "$1" | tr _ -)"; }
+package() {
+    case $1 in
+        xdist) printf 'python3-pytest-xdist' ;;
+        *) printf 'python3-%s' "$(printf '%s' "$1" | tr _ -)" ;;
+    esac
+}
 
 apt_packages() {
     packages=
