@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import csr_matrix
 
 from .grid import Grid
-from .kernels import digits
+from .kernels import digits, jit
 from .points import SurfacePoints
 from .shapes import Stencil
 
@@ -29,6 +29,8 @@ class Faces:
 
     def __init__(self, grid: Grid, points: SurfacePoints):
         self.grid, self.points = grid, points
+        sign = 2.0 * digits(2, grid.dim - 1) - 1.0
+        self._toward = SQRT3 * sign.T / len(sign)  # times a face's points: from its centre to its sides, axis by axis
         self._hair = 1e-9 * (grid.lattice.upper - grid.lattice.lower).min(initial=np.inf)
         self._cut: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # whole points; pieces: face, W
 
@@ -44,12 +46,14 @@ class Faces:
             return None
         x, cell = self.points.x.reshape(-1, k, self.grid.dim), own.cell[::k].copy()
         normal = self.points.normal[::k]
-        self.grid.walk(self.within(x.mean(axis=1), normal), cell)
-        ends = _ends(x, cell, self.grid.lattice)
-        crossed = np.flatnonzero((ends < 1.0).any(axis=(1, 2)))
-        if not len(crossed):
+        centre, lat = x.sum(axis=1) / k, self.grid.lattice
+        axes = np.tensordot(self._toward, x, (1, 1))
+        self.grid.walk(self.within(centre, normal), cell)
+        ends = np.empty((len(x), len(axes), 2 * self.grid.dim))
+        if not _ends(centre, axes, cell, lat.lower, lat.upper, lat.neighbour, ends):
             return None
-        place, at, weight = _pieces(x[crossed], ends[crossed])
+        crossed = np.flatnonzero((ends < 1.0).any(axis=(1, 2)))
+        place, at, weight = _pieces(centre[crossed], axes[:, crossed], np.sort(ends[crossed], axis=2))
         face = crossed[at]
         whole = np.flatnonzero(~np.isin(np.arange(len(own)) // k, crossed))
         where = cell[face]
@@ -87,29 +91,34 @@ class Faces:
         return csr_matrix((share, (column, row)), shape=(len(self.points), len(nodes))) @ at
 
 
-def _ends(x: np.ndarray, cell: np.ndarray, lattice) -> np.ndarray:
-    """Where the lines around the centres' cells cut faces (faces, axes, 2 dim), s in (-1, 1), sorted; 1 for nowhere."""
-    dim = x.shape[2]
-    centre, lines = x.mean(axis=1), np.stack((lattice.lower[cell], lattice.upper[cell]), axis=2)
-    there = (lattice.neighbour[cell] >= 0) & (cell >= 0)[:, None, None]
-    found = []
-    for axis in _axes(x):
-        reach = np.abs(axis) > SLIVER * (lines[:, :, 1] - lines[:, :, 0])
-        s = (lines - centre[:, :, None]) / np.where(reach, axis, 1.0)[:, :, None]
-        found.append(np.sort(np.where(there & reach[:, :, None] & (np.abs(s) < 1.0 - SLIVER), s, 1.0)
-                             .reshape(-1, 2 * dim), axis=1))
-    return np.stack(found, axis=1)
+@jit
+def _ends(centre, axes, cell, lower, upper, neighbour, out):
+    """Where the lines around the centres' cells cut faces, ``out`` (faces, axes, 2 dim), s in (-1, 1); 1 for nowhere.
+
+    Returns whether there are any.
+    """
+    crossed = False
+    for f in range(len(cell)):
+        c = cell[f]
+        for j in range(len(axes)):
+            for d in range(centre.shape[1]):
+                axis = axes[j, f, d]
+                for side in range(2):
+                    s = 1.0
+                    if c >= 0 and neighbour[c, d, side] >= 0 and abs(axis) > SLIVER * (upper[c, d] - lower[c, d]):
+                        s = ((lower[c, d] if side == 0 else upper[c, d]) - centre[f, d]) / axis
+                        s = s if abs(s) < 1.0 - SLIVER else 1.0
+                    out[f, j, 2 * d + side] = s
+                    crossed |= s < 1.0
+    return crossed
 
 
-def _axes(x: np.ndarray) -> list[np.ndarray]:
-    """From the centres of faces to their sides, along each of their axes (faces, dim)."""
-    sign = 2 * digits(2, x.shape[2] - 1) - 1
-    return [SQRT3 * np.einsum("g,fgd->fd", sign[:, j], x) / len(sign) for j in range(sign.shape[1])]
+def _pieces(centre: np.ndarray, axes: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Gauss points (m, dim) of the pieces, their faces (m,) and W (m, points of a face).
 
-
-def _pieces(x: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss points (m, dim) of the pieces, their faces (m,) and W (m, points of a face)."""
-    faces, dim = len(x), x.shape[2]
+    ``axes`` (axes, faces, dim) from the centres (faces, dim) to the faces' sides; ``ends`` (faces, axes, cuts), sorted.
+    """
+    faces, dim = centre.shape
     edge = np.concatenate((-np.ones((*ends.shape[:2], 1)), ends, np.ones((*ends.shape[:2], 1))), axis=2)
     half, middle = 0.5 * np.diff(edge, axis=2), 0.5 * (edge[:, :, 1:] + edge[:, :, :-1])
     s = (middle[..., None] + half[..., None] * np.array([-1.0, 1.0]) / SQRT3).reshape(faces, dim - 1, -1)
@@ -118,7 +127,7 @@ def _pieces(x: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np
     s, weight = (np.stack([a[:, j, many[:, j]] for j in range(dim - 1)], axis=2) for a in (s, weight))
     face, q = np.nonzero((weight > 0.0).all(axis=2))
     s, weight = s[face, q], weight[face, q].prod(axis=1)
-    place = x.mean(axis=1)[face] + sum(s[:, j, None] * axis[face] for j, axis in enumerate(_axes(x)))
+    place = centre[face] + sum(s[:, j, None] * axis[face] for j, axis in enumerate(axes))
     sign = 2 * digits(2, dim - 1) - 1
     shape = (0.5 * (1.0 + SQRT3 * sign * s[:, None])).prod(axis=2)  # ℓ_g, (m, k)
     return place, face, weight[:, None] * shape

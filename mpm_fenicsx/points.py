@@ -50,9 +50,8 @@ class SurfacePoints:
         self.x += u
         if self.displacement is not None:
             self.displacement += u
-        F = np.eye(self.x.shape[1]) + gradient
-        turned = np.linalg.det(F)[:, None] * np.linalg.solve(F.transpose(0, 2, 1), self.normal[..., None])[..., 0]
-        stretch = np.linalg.norm(turned, axis=1)
+        turned = (tensors.cofactor(gradient) * self.normal[:, None, :]).sum(axis=2)
+        stretch = np.sqrt((turned**2).sum(axis=1))
         self.area *= stretch
         self.normal = turned / stretch[:, None]
 

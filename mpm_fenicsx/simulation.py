@@ -182,7 +182,8 @@ class Simulation(Run):
             raise ValueError(f"field {field!r} is not part of this scene")
 
         def read(rows: np.ndarray) -> np.ndarray:
-            return np.concatenate([getattr(body, name) for body in self.bodies])[rows]
+            values = [getattr(body, name) for body in self.bodies]
+            return (np.concatenate(values) if len(values) > 1 else values[0])[rows]
 
         return np.concatenate([body.x for body in self.bodies]), read
 

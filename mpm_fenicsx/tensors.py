@@ -53,6 +53,14 @@ def stretch(gradient: np.ndarray) -> np.ndarray:
     return np.einsum("in,in->n", F[0], np.cross(F[1], F[2], axis=0))
 
 
+def cofactor(gradient: np.ndarray) -> np.ndarray:
+    """Cofactor J F⁻ᵀ (n, dim, dim) of F = I + displacement gradients (n, dim, dim)."""
+    F = np.eye(gradient.shape[1]) + gradient
+    if gradient.shape[1] == 2:
+        return F[:, ::-1, ::-1] * np.array([[1.0, -1.0], [-1.0, 1.0]])
+    return np.cross(F[:, [1, 2, 0]], F[:, [2, 0, 1]])
+
+
 def mean(stress: np.ndarray) -> np.ndarray:
     """Mean stress (n,), tension positive, of stress rows (n, components)."""
     return stress[:, :3].mean(axis=1)

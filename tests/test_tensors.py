@@ -63,3 +63,16 @@ def test_out_of_plane_stress_counts():
 def test_stretch_is_the_determinant(dim):
     gradient = np.random.default_rng(5).normal(size=(7, dim, dim))
     np.testing.assert_allclose(tensors.stretch(gradient), np.linalg.det(np.eye(dim) + gradient), rtol=1e-12)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_cofactor_is_the_derivative_of_the_determinant(dim):
+    gradient = np.random.default_rng(7).normal(0.0, 0.4, (5, dim, dim))
+    step = 1e-6
+    for i in range(dim):
+        for j in range(dim):
+            there, back = gradient.copy(), gradient.copy()
+            there[:, i, j] += step
+            back[:, i, j] -= step
+            slope = (tensors.stretch(there) - tensors.stretch(back)) / (2 * step)
+            np.testing.assert_allclose(tensors.cofactor(gradient)[:, i, j], slope, rtol=0, atol=1e-9)
