@@ -17,12 +17,10 @@ from .motion import Motion
 from .newton import Newton, SolverError
 from .part import Part
 from .scene import Contribution
+from .solver import RESCUE, linear_solver
 from .yielding import Yielding
 
 IDLE = 1e-20  # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of 1e-18
-
-
-RESCUE = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 
 
 class Equilibrium:
@@ -59,7 +57,7 @@ class Equilibrium:
             dofs, _ = bc.dof_indices()
             self.fixed[dofs] = True
         self.idle = np.zeros(self._owned, dtype=bool)
-        self.ksp = _solver(self.matrix, motion, options)
+        self.ksp = linear_solver(self.matrix, motion, options)
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
         self._can_rescue = ours
@@ -146,7 +144,7 @@ class Equilibrium:
         reason = self._run(self.ksp)
         if reason < 0 and self._can_rescue:
             if self._rescue is None:
-                self._rescue = _solver(self.part.matrix, self.motion, RESCUE)
+                self._rescue = linear_solver(self.part.matrix, self.motion, RESCUE)
             self._rescue.setOperators(self.part.matrix)
             reason, self.rescues = self._run(self._rescue), self.rescues + 1
         self.solves, self.iterations = self.solves + 1, self.ksp.getIterationNumber()
@@ -212,32 +210,3 @@ class Equilibrium:
             fenicsx.gather_to_owner(self.force)
             total += self._norm()
         return total
-
-
-def _solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | None) -> PETSc.KSP:
-    """Conjugate gradients with an incomplete Cholesky factor in dynamics, a full factor in statics."""
-    several = motion.grid.comm.size > 1
-    if motion.stepping.dynamic:
-        # block Jacobi would do on several ranks, but there PETSc 3.18 lets the blocks' factors turn indefinite
-        chosen = {"ksp_type": "cg", "ksp_rtol": 1e-11, **({"pc_type": "asm", "pc_asm_type": "basic",
-                  "sub_pc_type": "icc"} if several else {"pc_type": "icc"})}
-        chosen["ksp_max_it"] = 300
-    else:
-        chosen = {"ksp_type": "preonly", "pc_type": "cholesky",
-                  "pc_factor_mat_solver_type": "mumps" if several else "petsc"}
-    chosen.update(options or {})
-    if chosen["pc_type"] in ("icc", "asm"):
-        # small cuts leave rows 1e12 times smaller than others, which the factor takes for zero unless they are scaled;
-        # a full factor does without, and would be made anew for every solve
-        chosen = {"ksp_diagonal_scale": True, "ksp_diagonal_scale_fix": True, **chosen}
-    ksp = PETSc.KSP().create(motion.grid.comm)
-    prefix = f"mpm_{id(ksp)}_"
-    ksp.setOptionsPrefix(prefix)
-    store = PETSc.Options(prefix)
-    for key, value in chosen.items():
-        store[key] = value
-    ksp.setOperators(A)
-    ksp.setFromOptions()
-    for key in chosen:
-        del store[key]
-    return ksp

@@ -6,8 +6,8 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from . import tensors
 from .composite import Composite
+from .entry import enter
 from .equilibrium import Equilibrium
 from .failure import RunError
 from .finite_strain import finite_strain_of
@@ -57,7 +57,7 @@ class Simulation(Run):
         self.mapping, self.transfer = mapping, transfer
         self._of = [f"body {n}, " if len(self.bodies) > 1 else "" for n in range(len(self.bodies))]
         motion = self.motion = Motion(grid, stepping)
-        self.cells = [self._locate_first(body) for body in self.bodies]
+        self.cells = [enter(body, grid) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
         self.composite = Composite(grid) if mapping.composite else None
         self.stress = LinearStress(grid) if mapping.linear else ConstantStress(grid)
@@ -221,26 +221,6 @@ class Simulation(Run):
         if self.composite:
             return self.composite.gradient_at_points(self.bodies[number].x, self.cells[number], u)
         return self.stencils[number].gradient_at_points(u)
-
-    def _locate_first(self, body: MaterialPoints) -> np.ndarray:
-        if body.dim != self.grid.dim:
-            raise ValueError(f"points have {body.dim} coordinates, the grid {self.grid.dim}")
-        if not self.grid.comm.allreduce(len(body)):
-            raise ValueError("points: a body has no material points")
-        cell = self.grid.find(body.x)
-        outside = np.flatnonzero(cell < 0)
-        message = None
-        if len(outside):
-            message = f"points: {len(outside)} lie outside the grid, the first at x={body.x[outside[0]]}"
-        for name, numbers in (("stress", tensors.components(body.dim)), ("velocity", body.dim),
-                              ("acceleration", body.dim)):
-            value = getattr(body, name)
-            if value is not None and (np.shape(value) != (len(body), numbers) or not np.isfinite(value).all()):
-                message = f"{name} of points must be {len(body)} rows of {numbers} finite numbers, got {value!r}"
-        message = anywhere(self.grid.comm, message)
-        if message:
-            raise ValueError(message)
-        return cell
 
     def _stop_together(self, message: str | None) -> None:
         message = anywhere(self.grid.comm, message)
