@@ -3,6 +3,7 @@
 from mpi4py import MPI as _MPI  # noqa: F401  before dolfinx: it loads the MPI library of the wheel
 
 from .checkpoint import Checkpoint
+from .contact import Contact
 from .failure import RunError
 from .finite_elements import FiniteElements
 from .ghost_penalty import GhostPenalty
@@ -19,8 +20,8 @@ from .time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .velocities import flip, trapezoidal
 
 __all__ = [
-    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "DM_GCL", "GIMP", "MAPPINGS", "MPM", "Checkpoint", "DeadLoad", "Energy",
-    "FiniteElements", "Fixed", "GeneralizedAlpha", "GhostPenalty", "Gravity", "Grid", "Hencky", "LinearElastic",
-    "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation", "Snapshots",
-    "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "VonMises", "flip", "trapezoidal",
+    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "DM_GCL", "GIMP", "MAPPINGS", "MPM", "Checkpoint", "Contact", "DeadLoad",
+    "Energy", "FiniteElements", "Fixed", "GeneralizedAlpha", "GhostPenalty", "Gravity", "Grid", "Hencky",
+    "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation",
+    "Snapshots", "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "VonMises", "flip", "trapezoidal",
 ]

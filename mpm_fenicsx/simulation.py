@@ -124,9 +124,9 @@ class Simulation(Run):
         if self.stepping.dynamic:
             self.deposit.predict(self.bodies, self.stencils)
 
-    def solve(self) -> None:
-        """Internal force at the points, tangent of the fields, one linear solve."""
-        self.equilibrium.solve(self._internal_force())
+    def solve(self, push: np.ndarray | float = 0.0) -> None:
+        """Internal force at the points, tangent of the fields, one linear solve; ``push`` (dofs,), N, from outside."""
+        self.equilibrium.solve(self._internal_force() - push)
 
     def carry(self) -> None:
         """Points take position, velocity, stress and the stretch of their support domains from the grid."""

@@ -1,0 +1,209 @@
+"""Bodies that meet, push one another, and part: a run of several runs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+
+import numpy as np
+
+from .complementarity import complementary
+from .failure import OutputError
+from .gaps import Gaps
+from .impact import nodal_mass, stop
+from .newton import SolverError
+from .points import SurfacePoints
+from .run import Run
+from .simulation import Simulation
+from .time_stepping import Newmark, QuasiStatic
+
+TOLERANCE, YIELDING, ROUNDS, OVERLAP = 1e-8, 1e-6, 20, 1e-6
+"""What gaps may be wrong by, of the deepest that bodies would go into one another in the step; the same where bodies
+yield, and how often motion and forces are then found in turns; overlap at the start, in sizes of a face."""
+
+
+class Contact(Run):
+    """Bodies on one grid, each a run with a motion of its own, that may touch: smooth, unilateral, implicit.
+
+    ``bodies``: two or more pairs of a Simulation and the SurfacePoints of it that may touch others'.  After each has
+    been solved alone, forces λ >= 0 between points of the surface named first and faces of the other keep the gaps at
+    the end of the step from closing (see ``Touching``),
+
+        gap + n·(u_a − u_b) >= 0,   λ >= 0,   λ (gap + n·(u_a − u_b)) = 0,   K u = r ± Σ n λ
+
+    and act on both bodies alike: momentum is exact, and bodies that do not touch, or part, feel nothing.  The
+    smaller or finer of two surfaces comes first.  In statics each body needs supports of its own.
+    ``forces`` (bodies, dim), N: of the others on each body, whose sum over steps is the impulse.
+    Recorders may look at the bodies' runs or, but for Energy, at this one; a checkpoint is this one's.
+    Raises ``ValueError`` for runs that cannot go together.
+    """
+
+    def __init__(self, *bodies: tuple[Simulation, SurfacePoints]):
+        if len(bodies) < 2:
+            raise ValueError(f"bodies: contact takes two or more pairs (Simulation, SurfacePoints), got {len(bodies)}")
+        for run, surface in bodies:
+            if not isinstance(run, Simulation) or not isinstance(surface, SurfacePoints):
+                raise ValueError(f"bodies: contact takes pairs (Simulation, SurfacePoints), got "
+                                 f"({type(run).__name__}, {type(surface).__name__})")
+        runs = self.runs = [run for run, _ in bodies]
+        first = runs[0]
+        if len({id(run) for run in runs}) < len(runs):
+            raise ValueError("bodies: a run is named twice; give it one surface of several sides")
+        for run in runs[1:]:
+            if run.grid is not first.grid:
+                raise ValueError("bodies: all runs need one grid")
+            if run.stepping != first.stepping:
+                raise ValueError(f"bodies: all runs need one stepping, got {first.stepping} and {run.stepping}")
+        if first.grid.comm.size > 1:
+            raise ValueError("contact on several ranks is not supported")
+        super().__init__(first.name, first.grid, first.stepping, [term for run in runs for term in run.terms])
+        patches = [run.scene.patch(surface) for run, surface in bodies]
+        self.gaps = Gaps(patches)
+        can = next((run for run in runs if run.yielding is not None), first)
+        self.yielding, self.equilibrium = can.yielding, can.equilibrium
+        self.forces = np.zeros((len(runs), self.grid.dim))
+        self.bodies = [body for run in runs for body in run.bodies]
+        self._refuse_overlap(patches)
+
+    # -- the step ---------------------------------------------------------------------------------------------------
+
+    def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
+        """Solve each body's motion alone, then for the forces between them."""
+        for run in self.runs:
+            run.attempt(start, end, stepping)
+        self._masses = [nodal_mass(run) for run in self.runs]
+        bare = [run.equilibrium.idle.reshape(-1, self.grid.dim).any(axis=1) | (mass[:, 0] <= 0.0)
+                for run, mass in zip(self.runs, self._masses, strict=True)]
+        self.gaps.find()
+        self.gaps.weigh(bare)
+        self._hold_apart()
+
+    def carry(self) -> None:
+        """All bodies move, or none."""
+        with self.all_or_nothing(True):
+            for run in self.runs:
+                run.carry()
+            stepping = self.runs[0].motion.stepping
+            self.forces = self.gaps.resultants(
+                stop(self.runs, self.gaps, self._masses, stepping) if stepping.dynamic else self.gaps.λ)
+            self.collect()
+
+    @contextmanager
+    def all_or_nothing(self, wanted: bool) -> Iterator[None]:
+        """Take the state back, and the runs' sums, if ``wanted``, where something goes wrong inside."""
+        with ExitStack() as stack:
+            for run in self.runs:
+                stack.enter_context(run.all_or_nothing(wanted))
+            yield stack.enter_context(super().all_or_nothing(wanted))
+
+    def finish(self) -> None:
+        """End of a step, for the bodies' runs as well."""
+        failure = None
+        for finish in (*(run.finish for run in self.runs), super().finish):
+            try:
+                finish()
+            except OutputError as error:
+                failure = failure or error
+        if failure is not None:
+            raise failure
+
+    def _hold_apart(self) -> None:
+        """Forces between the bodies, and what they add to the motion that each would have alone."""
+        gap = self._gap()
+        deepest = -gap.min(initial=0.0)
+        if deepest == 0.0:
+            return self.gaps.keep(np.zeros_like(gap))
+        allowed, λ = TOLERANCE * deepest * np.sqrt(len(gap)), self.gaps.λ
+        if self.yielding is None:
+            λ = complementary(self._compliance, gap, λ, allowed)
+            for run, force in zip(self.runs, self.gaps.forces(λ), strict=True):
+                run.motion.u.x.array[:] += _response(run, force).ravel()
+            return self.gaps.keep(λ)
+        before, wrong = np.zeros_like(λ), [deepest]
+        while not wrong[-1] <= YIELDING * deepest:
+            if len(wrong) > ROUNDS:
+                raise SolverError(f"contact: forces and yielding do not settle, gaps wrong by {wrong[-3:]} m; "
+                                  f"allowed {YIELDING * deepest:.3g}")
+            λ = complementary(self._compliance, gap - self._compliance(before), λ, allowed)
+            for run, force in zip(self.runs, self.gaps.forces(λ), strict=True):
+                run.solve(force.ravel())
+            gap, before = self._gap(), λ
+            wrong.append(np.abs(np.where(λ > 0.0, gap, np.minimum(gap, 0.0))).max())
+        self.gaps.keep(λ)
+
+    def _gap(self) -> np.ndarray:
+        """Gaps (m,), m, at the end of the step, with the motions as they are."""
+        return self.gaps.start + self.gaps.opening([run.motion.nodal(run.motion.u) for run in self.runs])
+
+    def _compliance(self, λ: np.ndarray) -> np.ndarray:
+        """What forces λ (m,), N, open the gaps by (m,), m."""
+        return self.gaps.opening([_response(run, force)
+                                  for run, force in zip(self.runs, self.gaps.forces(λ), strict=True)])
+
+    def _refuse_overlap(self, patches: list) -> None:
+        for patch in patches:
+            patch.prepare(self.time, self.time)
+        self.gaps.find()
+        for a, b, pair in self.gaps.pairs:
+            size = patches[b].points.area.min() ** (1.0 / (self.grid.dim - 1))
+            if pair.gap.min(initial=0.0) < -OVERLAP * size:
+                raise ValueError(f"bodies {a} and {b} overlap by {-pair.gap.min():.3g} m")
+
+    # -- what Run and recorders ask for -----------------------------------------------------------------------------
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What the next step depends on, by name; not copied."""
+        found = {f"runs/{k}/{name}": value for k, run in enumerate(self.runs) for name, value in run.state().items()}
+        return {**found, **{f"contact/{name}": λ for name, λ in self.gaps.state().items()}}
+
+    def identity(self) -> dict[str, str]:
+        """What a checkpoint's run must have in common with this one."""
+        found = {f"run {k}, {name}": word for k, run in enumerate(self.runs) for name, word in run.identity().items()}
+        return {**super().identity(), **found}
+
+    def restart(self, path: str | os.PathLike) -> None:
+        """Go on from the step of a checkpoint; recorders on the bodies' own runs are not part of it."""
+        super().restart(path)
+        for run in self.runs:
+            run.steps = self.steps
+
+    def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+        """Places (n, dim) of all runs' points, one run after the other, and their values."""
+        places, reads = zip(*(run.sampler(field) for run in self.runs), strict=True)
+        return np.concatenate(places), lambda rows: np.concatenate(
+            [read(np.arange(len(place))) for place, read in zip(places, reads, strict=True)])[rows]
+
+    @property
+    def contributions(self) -> list:
+        """None: their forms are integrals over one body each."""
+        raise ValueError("Energy is of one body: record it on each of the runs")
+
+    def energy(self) -> dict[str, float]:
+        """Energy of the bodies (J), by kind."""
+        found: dict[str, float] = {}
+        for run in self.runs:
+            for name, value in run.energy().items():
+                found[name] = found.get(name, 0.0) + value
+        return found
+
+
+    def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """Those of the bodies' runs, by number."""
+        fields = [run.grid_fields() for run in self.runs]
+        return tuple({f"{name}_{k}": value for k, both in enumerate(fields) for name, value in both[i].items()}
+                     for i in range(2))
+
+
+def _response(run: Simulation, force: np.ndarray) -> np.ndarray:
+    """K⁻¹ of nodal forces (nodes, dim), N, which leaves the run's motion as it is."""
+    equilibrium = run.equilibrium
+    if not force.any():
+        return force
+    r, u = equilibrium.force.x.array, run.motion.u.x.array
+    r[:] = force.ravel()
+    r[equilibrium.fixed] = 0.0
+    kept = u.copy()
+    equilibrium.correct()
+    u[:] = kept
+    return equilibrium.increment.x.array.reshape(force.shape).copy()
