@@ -111,10 +111,10 @@ class Equilibrium:
         if reassemble or self._bent:
             self.assemble_tangent()
             self._bent = False
-        self.refresh(internal)
+        first = self.refresh(internal)
         self.correct()
         if self.yielding is not None:
-            self.newton.iterate(self, internal)
+            self.newton.iterate(self, internal, first)
 
     def bend(self) -> None:
         """K at the motion's u."""

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from .checks import positive, whole
 
+ROUND_OFF = 1e-12
+"""Of the residual before the first solve."""
+
 
 class SolverError(RuntimeError):
     """A step that could not be solved; says why."""
@@ -32,12 +35,13 @@ class Newton:
         for name in ("halvings", "cuts"):
             object.__setattr__(self, name, whole(name, getattr(self, name), least=0))
 
-    def iterate(self, equilibrium, internal) -> None:
-        """Go on from the first solve.  Raises ``SolverError`` with the residuals if it does not converge."""
+    def iterate(self, equilibrium, internal, first: float = 0.0) -> None:
+        """Go on from the first solve, of the residual ``first`` (N), which in free flight is all inertia and whose
+        round-off is let be.  Raises ``SolverError`` with the residuals if it does not converge."""
         u, increment, law = equilibrium.motion.u.x, equilibrium.increment.x, equilibrium.yielding
         if self.tolerance is None or not law.evaluate():
             return  # the step was linear, and is solved
-        allowed = self.tolerance * equilibrium.scale(internal)
+        allowed = max(self.tolerance * equilibrium.scale(internal), ROUND_OFF * first)
         norms = [equilibrium.refresh(internal)]
         while not norms[-1] <= allowed:  # nor if it is not a number
             if len(norms) >= self.iterations:

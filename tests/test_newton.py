@@ -212,11 +212,11 @@ def shaken(kind, dt, newton):
 class Impatient(Newton):
     """Gives up whole steps."""
 
-    def iterate(self, equilibrium, internal):
+    def iterate(self, equilibrium, internal, first):
         """Newton, but not over more than 6 ms."""
         if equilibrium.motion.stepping.dt > 6e-3 and equilibrium.yielding.evaluate():
             raise SolverError("too long")
-        super().iterate(equilibrium, internal)
+        super().iterate(equilibrium, internal, first)
 
 
 @pytest.mark.parametrize("kind", [None, MPM, DM_GC], ids=["FE", "MPM", "DM-GC"])
@@ -256,7 +256,7 @@ def test_a_step_too_large_for_newton_is_cut_until_it_can_be_solved():
 @pytest.mark.parametrize("cuts", [0, 1, 3])
 def test_a_step_is_halved_no_more_often_than_allowed(cuts):
     class Never(Newton):
-        def iterate(self, equilibrium, internal):
+        def iterate(self, equilibrium, internal, first):
             """Fail, and note how long the step was."""
             lengths.append(equilibrium.motion.stepping.dt)
             raise SolverError("no")
