@@ -18,9 +18,10 @@ from .run import Run
 from .simulation import Simulation
 from .time_stepping import Newmark, QuasiStatic
 
-TOLERANCE, YIELDING, ROUNDS, OVERLAP = 1e-8, 1e-6, 20, 1e-6
+TOLERANCE, YIELDING, ROUNDS, HAIR, OVERLAP = 1e-8, 1e-6, 20, 1e-12, 1e-6
 """What gaps may be wrong by, of the deepest that bodies would go into one another in the step; the same where bodies
-yield, and how often motion and forces are then found in turns; overlap at the start, in sizes of a face."""
+yield, and how often motion and forces are then found in turns; what is nothing, in sizes of the smallest
+cell; overlap at the start, in sizes of a face."""
 
 
 class Contact(Run):
@@ -64,6 +65,7 @@ class Contact(Run):
         self.yielding, self.equilibrium = can.yielding, can.equilibrium
         self.forces = np.zeros((len(runs), self.grid.dim))
         self.bodies = [body for run in runs for body in run.bodies]
+        self._hair = HAIR * (first.grid.lattice.upper - first.grid.lattice.lower).min()
         self._refuse_overlap(patches)
 
     # -- the step ---------------------------------------------------------------------------------------------------
@@ -112,19 +114,19 @@ class Contact(Run):
         """Forces between the bodies, and what they add to the motion that each would have alone."""
         gap = self._gap()
         deepest = -gap.min(initial=0.0)
-        if deepest == 0.0:
+        if deepest <= self._hair:
             return self.gaps.keep(np.zeros_like(gap))
-        allowed, λ = TOLERANCE * deepest * np.sqrt(len(gap)), self.gaps.λ
+        allowed, λ = max(TOLERANCE * deepest, self._hair) * np.sqrt(len(gap)), self.gaps.λ
         if self.yielding is None:
             λ = complementary(self._compliance, gap, λ, allowed)
             for run, force in zip(self.runs, self.gaps.forces(λ), strict=True):
                 run.motion.u.x.array[:] += _response(run, force).ravel()
             return self.gaps.keep(λ)
-        before, wrong = np.zeros_like(λ), [deepest]
-        while not wrong[-1] <= YIELDING * deepest:
+        before, wrong, enough = np.zeros_like(λ), [deepest], max(YIELDING * deepest, self._hair)
+        while not wrong[-1] <= enough:
             if len(wrong) > ROUNDS:
                 raise SolverError(f"contact: forces and yielding do not settle, gaps wrong by {wrong[-3:]} m; "
-                                  f"allowed {YIELDING * deepest:.3g}")
+                                  f"allowed {enough:.3g}")
             λ = complementary(self._compliance, gap - self._compliance(before), λ, allowed)
             for run, force in zip(self.runs, self.gaps.forces(λ), strict=True):
                 run.solve(force.ravel())

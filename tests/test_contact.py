@@ -17,6 +17,7 @@ from mpm_fenicsx import (
     GeneralizedAlpha,
     Gravity,
     Grid,
+    Hencky,
     LinearElastic,
     MaterialPoints,
     Newmark,
@@ -321,10 +322,12 @@ def test_a_block_bears_its_weight_and_slides_on(dim):
     assert mean(block)[0] == pytest.approx(0.5, rel=1e-3)
 
 
-def test_a_yielding_block():
-    """Forces and yielding agree: gaps close to what is asked, and momentum stays."""
-    soil = VonMises(SOIL, 20e3, 20e3, 0.0)
-    run = bars(n=(4, 4), velocities=(0.01, -0.01), soils=(soil, soil), courant=0.25)
+@pytest.mark.parametrize("elastic", [SOIL, Hencky(20e6, 0.0, 1500.0)], ids=["small strain", "finite strain"])
+def test_yielding_blocks(elastic):
+    """Forces and yielding agree: gaps close to what is asked, and momentum stays.  Before they meet no force is at
+    work in them, and what Newton leaves of inertia is round-off."""
+    soil = VonMises(elastic, 20e3, 20e3, 0.0)
+    run = bars(n=(4, 4), gap=0.015, velocities=(0.01, -0.01), soils=(soil, soil), courant=0.25)
     v, p0 = 0.01 * C, momentum(run)
     deepest = 2 * v * run.stepping.dt
     for _ in range(20):
@@ -332,7 +335,7 @@ def test_a_yielding_block():
         gap, λ = run._gap(), run.gaps.λ
         assert gap.min() > -2e-6 * deepest and np.abs(gap[λ > 0.0]).max(initial=0.0) < 2e-6 * deepest
         run.step()
-    assert run.bodies[0].history.max() > 0.0
+    assert run.bodies[0].history[:, 0].max() > 0.0
     assert np.abs(momentum(run) - p0).max() < 1e-9 * run.bodies[0].mass.sum() * v
 
 
