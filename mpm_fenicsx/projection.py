@@ -19,6 +19,9 @@ from .grid import Grid
 from .kernels import jit, once
 from .shapes import Stencil
 
+FEW = 4
+"""Of so many times the points of a surface, a grid has more cells: then only those cells are cleared that hold some."""
+
 
 @dataclass(frozen=True, eq=False)
 class Integration:
@@ -75,26 +78,30 @@ class Projection:
         V = fenicsx.space(grid.mesh, "DQ", integration.degree)
         self.fields = [fem.Function(V) for _ in range(fields)]
         self.dofs = grid.tensor_order(V, integration.degree).astype(np.uint32)
-        # a field alone is summed in place
-        self._sums = self.fields[0].x.array.reshape(-1, 1) if fields == 1 else \
-            np.zeros((len(self.fields[0].x.array) if fields else 0, fields))
+        self._written: slice | np.ndarray = slice(None)  # dofs that may not be zero
 
     def clear(self) -> None:
         """Forget what was added."""
-        self._sums[:] = 0.0
+        for f in self.fields:
+            f.x.array[self._written] = 0.0
+        self._written = np.zeros(0, dtype=np.uint32)
 
     def add(self, stencil: Stencil, values: np.ndarray) -> None:
         """Add volume-weighted values V_p q_p (n, fields) of the points of a stencil."""
-        lat = self.grid.lattice
-        dual = self.integration.dual
-        _project(self.grid.axes, once(len(dual)), once(values.shape[1]), stencil.side, stencil.span, stencil.share,
-                 stencil.cell, lat.volume, lat.neighbour, dual, self.dofs, values, self._sums)
+        lat, dual = self.grid.lattice, self.integration.dual
+        few = len(stencil.reach) == 2 and FEW * len(stencil) < self.grid.cells and self.grid.comm.size == 1
+        if few and not isinstance(self._written, slice):
+            self._written = np.append(self._written, self.dofs[np.unique(stencil.cell)])
+        else:
+            self._written = slice(None)
+        if self.fields:
+            _project(self.grid.axes, once(len(dual)), once(values.shape[1]), stencil.side, stencil.span, stencil.share,
+                     stencil.cell, lat.volume, lat.neighbour, dual, self.dofs, values,
+                     tuple(f.x.array for f in self.fields))
 
     def finish(self) -> None:
-        """Set the fields to the sums, over all ranks."""
-        for k, f in enumerate(self.fields):
-            if len(self.fields) > 1:
-                f.x.array[:] = self._sums[:, k]
+        """Add up the fields over all ranks."""
+        for f in self.fields:
             fenicsx.gather(f)
 
 
@@ -103,7 +110,7 @@ def _project(axes, nodes, columns, side, span, share, cell, volume, neighbour, d
     """Cell by cell, add each point's values to the dofs of a discontinuous field.
 
     out_ck += q_p / |c| ∏_d Σ_j dual_kj ⟨ξ^j⟩, the mean of ξ^j taken over the segment of the support domain in c.
-    ``values`` (n, columns) are volume-weighted; ``dofs`` (cells, nodes^dim), x fastest; ``out`` (dofs, columns).
+    ``values`` (n, columns) are volume-weighted; ``dofs`` (cells, nodes^dim), x fastest; ``out``: one (dofs,) a column.
     """
     dim, n = len(axes), len(nodes)
     line = np.empty((dim, 2, n))
@@ -132,4 +139,4 @@ def _project(axes, nodes, columns, side, span, share, cell, volume, neighbour, d
                                 w = across * line[0, t, i]
                                 dof = dofs[np.uint64(c), np.uint64(i + n * (j + n * k))]
                                 for f in range(len(columns)):
-                                    out[dof, f] += w * values[p, f]
+                                    out[f][dof] += w * values[p, f]

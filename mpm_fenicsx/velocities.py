@@ -10,6 +10,7 @@ from dolfinx import fem
 
 from . import fenicsx, forms
 from .checks import whole
+from .kernels import jit
 from .motion import Motion
 from .points import MaterialPoints
 from .shapes import Stencil
@@ -42,7 +43,7 @@ class Deposit:
         for body, stencil in zip(bodies, stencils, strict=True):
             stencil.deposit_motion(body.mass, body.velocity, body.acceleration, nodal)
         fenicsx.gather(self._sums)
-        _divide(nodal, nodal[:, :1].copy())
+        _divide(nodal)
         if self.sweeps:
             divided, smooth = nodal.copy(), self._smooth.x.array.reshape(nodal.shape)
             for _ in range(self.sweeps):
@@ -50,16 +51,20 @@ class Deposit:
                 smooth[:] = 0.0
                 fenicsx.assemble_vector(self._smooth, self._averaging)
                 fenicsx.gather(self._smooth)
-                _divide(smooth, smooth[:, :1].copy())
-                nodal += divided - smooth
+                _divide(smooth)
+                nodal += divided
+                nodal -= smooth
         self.motion.nodal(self.motion.v)[:] = nodal[:, 1 : 1 + grid.dim]
         self.motion.nodal(self.motion.a)[:] = nodal[:, 1 + grid.dim :]
 
 
-def _divide(nodal: np.ndarray, mass: np.ndarray) -> None:
-    """Divide nodal values (nodes, f) by nodal mass (nodes, 1); zero where there is none."""
-    there = mass > 0.0
-    nodal *= np.divide(there, np.where(there, mass, 1.0))
+@jit
+def _divide(nodal):
+    """Divide nodal values (nodes, f) by the first of them, mass; zero where there is none."""
+    for i in range(len(nodal)):
+        share = 1.0 / nodal[i, 0] if nodal[i, 0] > 0.0 else 0.0
+        for f in range(nodal.shape[1]):
+            nodal[i, f] *= share
 
 
 def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple,

@@ -1,7 +1,5 @@
 """Files for ParaView: what is read back is what the run holds, whatever happens to the run."""
 
-import os
-import shutil
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
@@ -13,6 +11,7 @@ import meshio
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
+from test_ranks import environment, mpiexec
 
 from mpm_fenicsx import (
     FiniteElements,
@@ -337,13 +336,9 @@ def regular(grid):
 
 def on_ranks(count, folder):
     """Run this file on some ranks; each must see the error of the first."""
-    mpiexec = shutil.which("mpiexec", path=Path(sys.executable).parent) or shutil.which("mpiexec")
-    if not mpiexec:
-        pytest.skip("no mpiexec")
-    root = Path(__file__).resolve().parents[1]
-    env = dict(os.environ, PYTHONPATH=f"{root}{os.pathsep}{os.environ.get('PYTHONPATH', '')}", OMP_NUM_THREADS="1",
-               OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1", OMPI_MCA_rmaps_base_oversubscribe="1")
-    done = subprocess.run([mpiexec, "-n", str(count), sys.executable, __file__, str(folder)], env=env,
+    if mpiexec() is None:
+        pytest.skip("no mpiexec beside Python or on PATH")
+    done = subprocess.run([mpiexec(), "-n", str(count), sys.executable, __file__, str(folder)], env=environment(),
                           capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("refused") == count
