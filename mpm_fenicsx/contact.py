@@ -18,10 +18,13 @@ from .run import Run
 from .simulation import Simulation
 from .time_stepping import Newmark, QuasiStatic
 
-TOLERANCE, YIELDING, ROUNDS, HAIR, OVERLAP = 1e-8, 1e-6, 20, 1e-12, 1e-6
+TOLERANCE, YIELDING, ROUNDS = 1e-8, 1e-6, 20
 """What gaps may be wrong by, of the deepest that bodies would go into one another in the step; the same where bodies
-yield, and how often motion and forces are then found in turns; what is nothing, in sizes of the smallest
-cell; overlap at the start, in sizes of a face."""
+yield, and how often motion and forces are then found in turns."""
+
+LIGHT, HAIR, OVERLAP = 1e-4, 1e-12, 1e-6
+"""Of the heaviest node: what weighs less bears no contact, for it would be thrown away without a word from the body; of
+the smallest cell: a gap that is none; of a face: overlap of bodies at the start that is none."""
 
 
 class Contact(Run):
@@ -75,7 +78,7 @@ class Contact(Run):
         for run in self.runs:
             run.attempt(start, end, stepping)
         self._masses = [nodal_mass(run) for run in self.runs]
-        bare = [run.equilibrium.idle.reshape(-1, self.grid.dim).any(axis=1) | (mass[:, 0] <= 0.0)
+        bare = [run.equilibrium.idle.reshape(-1, self.grid.dim).any(axis=1) | (mass[:, 0] <= LIGHT * mass.max())
                 for run, mass in zip(self.runs, self._masses, strict=True)]
         self.gaps.find()
         self.gaps.weigh(bare)
