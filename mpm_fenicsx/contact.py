@@ -22,7 +22,7 @@ TOLERANCE, YIELDING, ROUNDS = 1e-8, 1e-6, 20
 """What gaps may be wrong by, of the deepest that bodies would go into one another in the step; the same where bodies
 yield, and how often motion and forces are then found in turns."""
 
-LIGHT, HAIR, OVERLAP = 1e-4, 1e-12, 1e-6
+LIGHT, HAIR, OVERLAP = 1e-6, 1e-12, 1e-6
 """Of the heaviest node: what weighs less bears no contact, for it would be thrown away without a word from the body; of
 the smallest cell: a gap that is none; of a face: overlap of bodies at the start that is none."""
 
