@@ -161,7 +161,7 @@ def stepped(lines, body, gravity, mapping, **keywords):
     """A copy of the body after a step at a Courant number of about one half."""
     fresh = MaterialPoints(body.material, body.x, body.half, body.volume, body.stress, body.velocity, body.acceleration)
     run = Simulation(grid_of(lines), fresh, Newmark(2e-3), [Gravity(tuple(gravity))], mapping, solver=DIRECT,
-                     newton=Newton(tolerance=1e-12), **keywords)
+                     newton=Newton(tolerance=1e-13), **keywords)
     run.step()
     return fresh
 
