@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from .checks import positive, whole
 
 ROUND_OFF = 1e-14
-"""Of the residual before the first solve, some fifty times what the sums of a node leave.  It holds the rigid motion, and
-with 1e-12 of it a body on the move stopped earlier than the same body at rest."""
+"""Of the residual before the first solve, some fifty times what the sums of a node leave.  It holds the rigid motion,
+and with 1e-12 of it a body on the move stopped earlier than the same body at rest."""
 
 
 class SolverError(RuntimeError):
