@@ -14,6 +14,7 @@ from mpm_fenicsx import (
     MPM,
     FiniteElements,
     Fixed,
+    GhostPenalty,
     Grid,
     LinearElastic,
     MaterialPoints,
@@ -51,6 +52,7 @@ def surface_speed(mapping, poisson, wave=12):
         return pull
 
     terms = [Fixed(grid.facets("left"), "x"), Traction(top, load), Viscous(side, soil), Viscous(base, soil)]
+    terms += [GhostPenalty()] if mapping is MPM else []
     run = FiniteElements(grid, soil, stepping, terms) if mapping is None else \
         Simulation(grid, body, stepping, terms, mapping)
     place, read = run.sampler("velocity")
@@ -70,12 +72,17 @@ def surface_speed(mapping, poisson, wave=12):
 
 @pytest.mark.parametrize("mapping, poisson, bound", [
     *((None, ν, 0.03) for ν in (0.25, 0.3, 0.41)), *((DM_GC, ν, 0.01) for ν in (0.25, 0.3, 0.41)),
-    (MPM, 0.25, 0.045), (GIMP, 0.25, 0.02), (DM_G, 0.25, 0.02)], ids=lambda value: str(value or "FE"))
+    (MPM, 0.25, 0.03), (GIMP, 0.25, 0.02), (DM_G, 0.25, 0.02)], ids=lambda value: str(value or "FE"))
 def test_speed_of_the_surface_wave(mapping, poisson, bound, record):
-    """Twelve cells a wavelength; bilinear finite elements make such waves 1 % too fast, half as long ones 4 %."""
+    """Twelve cells a wavelength; bilinear finite elements make such waves 1 % too fast, half as long ones 4 %.
+
+    Plain MPM's dashpots act on nodes that no point reaches once an edge is a hair past a grid line, and what comes of
+    it is a matter of round-off (3.9 %, 15 % or no wave at all): with the ghost penalty those nodes follow the body.
+    """
     exact = rayleigh_speed(poisson)
     error = surface_speed(mapping, poisson) / exact - 1
-    record(f"10 Lamb, ν = {poisson:g}: speed of the surface wave ({exact:.4f} c_s)", mapping or "FE", abs(error))
+    sewn = ", GhostPenalty" if mapping is MPM else ""
+    record(f"10 Lamb, ν = {poisson:g}{sewn}: speed of the surface wave ({exact:.4f} c_s)", mapping or "FE", abs(error))
     assert abs(error) < bound
 
 
