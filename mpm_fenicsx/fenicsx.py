@@ -21,7 +21,9 @@ from . import compiling
 version = dolfinx.__version__
 _recent = hasattr(fem, "functionspace")
 _SHAPES = {2: "quadrilateral", 3: "hexahedron"}
-_JIT = {"cffi_extra_compile_args": ["-O3", "-march=native"]}
+# sums may be taken in another order, which vector units need; NaN stays NaN
+_JIT = {"cffi_extra_compile_args": ["-O3", "-march=native", "-fno-math-errno", "-fno-trapping-math",
+                                    "-fno-signed-zeros", "-fassociative-math", "-freciprocal-math"]}
 FORMS_FOLLOW = _recent
 """Whether forms take up other cells of a ``cell_measure``."""
 MATERIAL = 1
@@ -151,14 +153,14 @@ class _Form:
     def __init__(self, form, options: dict):
         (self.domain,), self.form = form.subdomain_data(), form
         self.compiled = fem.compile_form(self.domain.ufl_cargo().comm, form, **options)
-        self.made, self.where = None, []
+        self.made, self.where = None, [None]
 
     @property
     def now(self):
         """The form over what its measures have now."""
         data = self.form.subdomain_data()[self.domain]
-        listed = [marks[0][0][1] for marks in data.values() if isinstance(marks[0], list)]
-        if self.made is None or any(a is not b for a, b in zip(listed, self.where, strict=True)):
+        listed = [cells for marks in data.values() if isinstance(marks[0], list) for _, cells in marks[0]]
+        if len(listed) != len(self.where) or any(a is not b for a, b in zip(listed, self.where, strict=True)):
             from dolfinx.fem import forms
 
             ids, ufcx = {}, self.compiled.ufcx_form
@@ -166,6 +168,8 @@ class _Form:
                 ids[kind] = [ufcx.form_integral_ids[j]
                              for j in range(ufcx.form_integral_offsets[k], ufcx.form_integral_offsets[k + 1])]
             where = {forms._ufl_to_dolfinx_domain[name]: marks[0] for name, marks in data.items()}
+            where = {kind: [at for at in marks if at[0] in ids[kind]] if isinstance(marks, list) else marks
+                     for kind, marks in where.items()}
             where = {kind: forms.get_integration_domains(kind, marks, ids[kind]) for kind, marks in where.items()}
             mesh = SimpleNamespace(_cpp_object=self.domain.ufl_cargo())
             self.made = fem.create_form(

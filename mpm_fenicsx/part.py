@@ -7,6 +7,9 @@ from mpi4py import MPI
 import numpy as np
 from petsc4py import PETSc
 
+FEW = 0.15
+"""Of the nodes: to copy what the others have costs more than to carry so many along, with a diagonal of their own."""
+
 
 class Part:
     """Rows and columns of ``whole``, node by node, with vectors ``b`` and ``x`` of their own; ``matrix`` is theirs."""
@@ -16,7 +19,8 @@ class Part:
         self._take_all()
 
     def take(self, used: np.ndarray, diagonal: PETSc.Vec) -> bool:
-        """Rows in ``used`` (dofs,), and all others of their nodes, as the whole is now; all, where none is used.
+        """Rows in ``used`` (dofs,), and all others of their nodes, as the whole is now; all, where none is used or few
+        are not.
 
         Their diagonal becomes that of ``diagonal``, given for the whole.  True if these are other
         nodes than before.  On several ranks all rows are taken, every time.
@@ -24,6 +28,8 @@ class Part:
         bs, changed = self.whole.getBlockSize(), False
         nodes = used.reshape(-1, bs).any(axis=1)
         if self.whole.comm.size == 1 and nodes.any():
+            if np.count_nonzero(nodes) >= (1.0 - FEW) * len(nodes):
+                nodes[:] = True
             changed = not np.array_equal(nodes, self._used)
             if changed and nodes.all():
                 self._take_all()

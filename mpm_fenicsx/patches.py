@@ -108,7 +108,7 @@ class PointPatch:
         if not scene.grid.comm.allreduce(len(points)):
             raise ValueError("on: the surface has no points")
         self.grid, self.motion, self.points = scene.grid, scene.motion, points
-        self.measure = scene.motion.region.dx(metadata=simpson(self.grid.dim))
+        self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
         self.stencil = Stencil(self.grid, len(points), support=False)
         self.faces = Faces(self.grid, points)
         self._cell = self.grid.find(self._inward())
@@ -191,6 +191,7 @@ class PointPatch:
         self._check()
         self.stencil.place(self.points.x, None, self._cell)
         self._refuse(self.faces.place(self.stencil))
+        self._cover(np.unique(self.faces.stencil.cell))
         for refresh in self._refresh:
             refresh(start, end)
 

@@ -25,10 +25,9 @@ class Properties:
                  stencils: Sequence[Stencil]):
         self.grid, self._bodies, self._stencils = motion.grid, bodies, stencils
         self._mass = mapping.mass
-        columns = [[0, 1, 2]] if mapping.mass is mapping.integrate else [[0], [1, 2]]
-        self.projections = [Projection(self.grid, way, len(of))
-                            for way, of in zip((mapping.mass, mapping.integrate), columns, strict=False)]
-        self._columns = columns
+        self._alike = mapping.mass is mapping.integrate
+        ways = [(mapping.mass, 3)] if self._alike else [(mapping.mass, 1), (mapping.integrate, 2)]
+        self.projections = [Projection(self.grid, way, fields) for way, fields in ways]
         self.fields = [f for projection in self.projections for f in projection.fields]
         self.mass_dx, self.stiffness_dx = (_measure(motion, way) for way in (mapping.mass, mapping.integrate))
 
@@ -37,10 +36,10 @@ class Properties:
         for projection in self.projections:
             projection.clear()
         for body, stencil in zip(self._bodies, self._stencils, strict=True):
-            λ, μ = body.material.kinematics.lame(body.material)
-            values = np.stack((body.mass, body.volume * λ, body.volume * μ), axis=1)
-            for projection, columns in zip(self.projections, self._columns, strict=True):
-                projection.add(stencil, np.ascontiguousarray(values[:, columns]))
+            mass, moduli = body.mass[:, None], body.volume[:, None] * body.material.kinematics.lame(body.material)
+            given = [np.hstack((mass, moduli))] if self._alike else [mass, moduli]
+            for projection, values in zip(self.projections, given, strict=True):
+                projection.add(stencil, values)
         for projection in self.projections:
             projection.finish()
 

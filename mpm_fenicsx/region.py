@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -16,8 +16,8 @@ class Region:
     """All cells of a grid, until ``cover`` says which ones hold material.
 
     ``dx`` is the measure for forms, which follow it at once.  On several ranks, and in DOLFINx 0.5, which cannot, they
-    go on over all cells.  The same holds of ``dS`` for the facets between cells, of which there are none until
-    ``seams`` is called.
+    go on over all cells.  The same holds of measures of a few cells (``some``), and of ``dS`` for the facets between
+    cells, of which there are none until ``seams`` is called.
     """
 
     def __init__(self, grid: Grid):
@@ -34,7 +34,20 @@ class Region:
         self._held = held.copy()
         near = self.grid.lattice.spread(held.astype(bool))
         self.cells = np.flatnonzero(near[: self.grid.owned_cells]).astype(np.int32)
-        self._domains[:] = [(fenicsx.MATERIAL, self.cells)]
+        self._domains[0] = (fenicsx.MATERIAL, self.cells)
+
+    def some(self, metadata: Mapping[str, object]) -> tuple[ufl.Measure, Callable[[np.ndarray], None]]:
+        """A measure of cells of its own, and what tells it which (n,), sorted; until then all."""
+        if not self.follows:
+            return self.dx(metadata=metadata), lambda cells: None
+        number, mark = len(self._domains), fenicsx.MATERIAL + len(self._domains)
+        self._domains.append((mark, self.cells))
+
+        def cover(cells: np.ndarray) -> None:
+            if not np.array_equal(cells, self._domains[number][1]):
+                self._domains[number] = (mark, cells)
+
+        return self.dx(mark, metadata=metadata), cover
 
     # -- facets between cells -------------------------------------------------------------------------------------
 
@@ -67,7 +80,7 @@ class Region:
         """Within, forms go over all cells, and over the facets that are sewn or may be soon."""
         before = self._domains[:], self._seams[:]
         self._room = self._sewn | (self._near[self._facets[:, 0]] & self._near[self._facets[:, 2]])
-        self._domains[:] = [(fenicsx.MATERIAL, np.arange(self.grid.owned_cells, dtype=np.int32))]
+        self._domains[0] = (fenicsx.MATERIAL, np.arange(self.grid.owned_cells, dtype=np.int32))
         self._seams[:] = [(fenicsx.MATERIAL, self._facets[self._room])]
         yield
         self._domains[:], self._seams[:] = before
