@@ -18,6 +18,7 @@ from .newton import Newton, SolverError
 from .part import Part
 from .scene import Contribution
 from .solver import RESCUE, linear_solver
+from .update import Update
 from .yielding import Yielding
 
 IDLE = 1e-20  # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of 1e-18
@@ -29,12 +30,13 @@ class Equilibrium:
     ``contributions``: virtual work of all terms, that of the body's stress first; ``fixed`` Dirichlet conditions (the
     motion knows which of them are not zero); ``options`` PETSc options without prefix, on top of what suits the
     stepping; ``yielding``: what the law adds to elasticity, if it can yield, and then ``newton`` says when to stop.
-    Without it the step is linear: one solve.
+    Without it the step is linear: one solve.  ``reuse``: where fields of the tangent stay as they are in most cells,
+    only the others are assembled.
     """
 
     def __init__(self, motion: Motion, contributions: Sequence[Contribution], fixed: list,
                  options: Mapping[str, object] | None = None, yielding: Yielding | None = None,
-                 newton: Newton | None = None):
+                 newton: Newton | None = None, reuse: bool = False):
         self.motion, self.bcs, self.yielding, self.newton = motion, fixed, yielding, newton or Newton()
         V = motion.grid.space
         residual = sum(c.work for c in contributions)
@@ -43,6 +45,7 @@ class Equilibrium:
             residual, tangent = residual + yielding.work, tangent + yielding.stiffness
         elif not motion.moved:  # a linear step asks for the residual at u = 0 only, which costs less
             residual = ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)}) if residual else residual
+        self.update = Update.of(motion, tangent) if reuse else None
         self._parts = [c.force for c in contributions if c.force]
         self._residual, self._tangent = fenicsx.compile_form(residual), fenicsx.compile_form(tangent)
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
@@ -70,7 +73,7 @@ class Equilibrium:
         if self.motion.region.follows:  # PETSc drops entries that the first assembly leaves out
             fenicsx.assemble_matrix(self.matrix, self._tangent, [])
             self.matrix.assemble()
-        self._diagonal = self.matrix.createVecLeft()
+        self._diagonal, self._plain = self.matrix.createVecs()
         self.part = Part(self.matrix)
 
     def assemble_tangent(self) -> None:
@@ -79,20 +82,38 @@ class Equilibrium:
             with self.motion.region.room():
                 self._allocate()
             self._reset()
+        if not self._bring_up_to_date():
+            return
         A = self.matrix
-        A.zeroEntries()
-        fenicsx.assemble_matrix(A, self._tangent, self.bcs)
-        A.assemble()
         A.getDiagonal(self._diagonal)
+        self._diagonal.copy(self._plain)
         d = self._diagonal.array
         free = ~self.fixed[: self._owned]
         largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
         self.idle = d <= IDLE * largest
+        if self.update is not None:
+            self.idle |= np.repeat(self.update.bare, self.motion.grid.dim)
         bare = self.idle | ~free
         d[bare] = largest if largest > 0.0 else 1.0
         if self.part.take(~bare, self._diagonal):
             self._reset()
         self.ksp.setOperators(self.part.matrix)
+
+    def _bring_up_to_date(self) -> bool:
+        """K in the matrix; False if that has not changed."""
+        A, update = self.matrix, self.update
+        if update is not None and update.follow():
+            if not len(update.cells):
+                return False
+            A.setDiagonal(self._plain)  # rows without material have another one
+            update.add(A, self.bcs)
+        else:
+            A.zeroEntries()
+            fenicsx.assemble_matrix(A, self._tangent, self.bcs)
+            if update is not None:
+                update.remember()
+        A.assemble()
+        return True
 
     def _reset(self) -> None:
         for ksp in (self.ksp, self._rescue):

@@ -11,11 +11,10 @@ from dolfinx import fem
 from . import fenicsx, forms
 from .checks import finite, positive
 from .grid import Grid
-from .projection import QUADRATICS
+from .projection import HATS, QUADRATICS
 from .scene import Contribution, Scene
 
 TRACE = 1e-6  # of a full cell: with less, nodal velocities are round-off (GIMP's), and stiffness alone holds nodes
-HATS = np.array([[1.0, -1.0], [0.0, 1.0]])  # 1 - ξ and ξ, in powers of ξ
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,13 @@ class Integration:
     dual: np.ndarray
     quadrature: int
 
+    @property
+    def nodal(self) -> np.ndarray:
+        """Coefficients (k, k) of the space's own shape functions, direction by direction, in powers of ξ."""
+        return HATS if self.degree == 1 else QUADRATICS
 
+
+HATS = np.array([[1.0, -1.0], [0.0, 1.0]])  # 1 - ξ and ξ, in powers of ξ
 QUADRATICS = np.array([[1.0, -3.0, 2.0], [0.0, 4.0, -4.0], [0.0, -1.0, 2.0]])  # through 0, ½, 1, in powers of ξ
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
@@ -66,7 +72,7 @@ def simpson(dim: int) -> dict[str, object]:
             "quadrature_weights": SIMPSON[place].prod(axis=1)}
 
 
-DOUBLE_MAPPED = Integration("Gauss points", 1, 2.0 * np.array([[1.0, -1.0], [0.0, 1.0]]), 3)
+DOUBLE_MAPPED = Integration("Gauss points", 1, 2.0 * HATS, 3)
 """Double mapping, eq. (7): ψ_k = N_k / m_k, m_k the integral of N_k over the reference cell."""
 
 

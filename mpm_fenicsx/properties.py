@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import ufl
 
+from .kept import Kept
 from .mapping import Mapping
 from .motion import Motion
 from .points import MaterialPoints
@@ -18,17 +19,19 @@ class Properties:
     """Density ρ and Lamé's λ, μ of all bodies as discontinuous ``fields``.
 
     ``mass_dx`` and ``stiffness_dx`` are the measures whose integrals of them are exact.  Mass and stiffness share a
-    projection where the mapping integrates them alike.
+    projection where the mapping integrates them alike.  With ``reuse`` the fields of a cell stay as they are while they
+    would change by less than that part (``Kept``).
     """
 
     def __init__(self, motion: Motion, mapping: Mapping, bodies: Sequence[MaterialPoints],
-                 stencils: Sequence[Stencil]):
+                 stencils: Sequence[Stencil], reuse: float = 0.0):
         self.grid, self._bodies, self._stencils = motion.grid, bodies, stencils
         self._mass = mapping.mass
         self._alike = mapping.mass is mapping.integrate
         ways = [(mapping.mass, 3)] if self._alike else [(mapping.mass, 1), (mapping.integrate, 2)]
         self.projections = [Projection(self.grid, way, fields) for way, fields in ways]
-        self.fields = [f for projection in self.projections for f in projection.fields]
+        self._kept = [Kept(projection, reuse) for projection in self.projections] if reuse else []
+        self.fields = [f for way in self._kept or self.projections for f in way.fields]
         self.mass_dx, self.stiffness_dx = (_measure(motion, way) for way in (mapping.mass, mapping.integrate))
 
     def project(self) -> None:
@@ -42,6 +45,12 @@ class Properties:
                 projection.add(stencil, values)
         for projection in self.projections:
             projection.finish()
+        for kept in self._kept:
+            kept.refresh()
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Arrays that a restart needs, not copied."""
+        return {f"{k}/{name}": value for k, kept in enumerate(self._kept) for name, value in kept.state().items()}
 
     def body_force(self, function: Callable[[float, float, np.ndarray], np.ndarray]):
         """ρb (N/m³) of a body force per mass, ``function`` of start, end and places x (n, dim), taken at the points;

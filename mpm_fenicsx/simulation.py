@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from .checks import finite
 from .composite import Composite
 from .entry import enter
 from .equilibrium import Equilibrium
@@ -41,13 +42,15 @@ class Simulation(Run):
     ``Deposit``), 0 for division by the lumped mass alone, as in the paper; ``solver``: PETSc options.
     ``newton``: when to stop where a body can yield.  ``b_bar``: volume changes by the mean of cells, on the grid and
     at the points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings only).
+    ``reuse``: a cell's density and moduli, and with them its part of the matrix, stay as they are while they would
+    change by less than that part (elastic bodies, one rank, DOLFINx 0.11; elsewhere nothing is kept).
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
     def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
                  terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
                  sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
-                 b_bar: bool = False):
+                 b_bar: bool = False, reuse: float = 0.0):
         self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
         if not self.bodies:
             raise ValueError("points: there is no body")
@@ -55,13 +58,16 @@ class Simulation(Run):
             raise ValueError(f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the points")
         super().__init__(mapping.name, grid, stepping, terms)
         self.mapping, self.transfer = mapping, transfer
+        if not 0.0 <= finite("reuse", reuse) <= 0.1:
+            raise ValueError(f"reuse must be at least 0 and at most 0.1, got {reuse}")
         self._of = [f"body {n}, " if len(self.bodies) > 1 else "" for n in range(len(self.bodies))]
         motion = self.motion = Motion(grid, stepping)
         self.cells = [enter(body, grid) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
         self.composite = Composite(grid) if mapping.composite else None
         self.stress = LinearStress(grid) if mapping.linear else ConstantStress(grid)
-        given = self.properties = Properties(motion, mapping, self.bodies, self.stencils)
+        reuse = reuse if motion.region.follows else 0.0
+        given = self.properties = Properties(motion, mapping, self.bodies, self.stencils, reuse)
         density, λ, μ = given.fields
         scene = self.scene = Scene(grid, motion, density, given.mass_dx, (λ, μ), given.body_force)
         internal = [elasticity(scene, given.stiffness_dx, λ, μ, b_bar=b_bar)]
@@ -69,7 +75,10 @@ class Simulation(Run):
         self.contributions = internal + [term.bind(scene) for term in self.terms]
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
-        self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
+        self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton,
+                                       reuse > 0.0)
+        if reuse and (self.yielding is not None or self.equilibrium.update is None):
+            raise ValueError(f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty")
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
         if stepping.dynamic:
             self.deposit = Deposit(motion, density, given.mass_dx, sweeps)
@@ -166,7 +175,8 @@ class Simulation(Run):
         """What the next step depends on, by name; not copied."""
         bodies = [{"cell": cell, **body.state()} for cell, body in zip(self.cells, self.bodies, strict=True)]
         found = {f"bodies/{n}/{name}": value for n, body in enumerate(bodies) for name, value in body.items()}
-        return {**super().state(), **found}
+        given = {f"properties/{name}": value for name, value in self.properties.state().items()}
+        return {**super().state(), **found, **given}
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one."""

@@ -1,0 +1,174 @@
+"""Cells whose density and moduli have hardly changed are not assembled anew: bound, matrix, cost, refusals."""
+
+import dense
+import numpy as np
+import pytest
+import scipy.linalg
+from dense import SOFT, SOIL
+
+from mpm_fenicsx import (
+    DM_G,
+    DM_GC,
+    GIMP,
+    Fixed,
+    GhostPenalty,
+    Gravity,
+    Grid,
+    Hencky,
+    MaterialPoints,
+    Newmark,
+    Simulation,
+    Traction,
+    Viscous,
+    VonMises,
+    fenicsx,
+)
+from mpm_fenicsx.kept import at_quadrature
+from mpm_fenicsx.projection import AT_POINTS, DOUBLE_MAPPED
+
+pytestmark = pytest.mark.skipif(not fenicsx.FORMS_FOLLOW, reason="forms of DOLFINx 0.5 go over all cells")
+
+
+def slide(dim, mapping, reuse, speed=3.0, size=6, extra=()):
+    """A block on dashpots, pressed from above, slides sideways and down by a tenth of a cell a step."""
+    low, high = np.array((-1.0, -2.0, 0.0))[:dim], np.array((size + 4.0, size + 1.0, 2.0))[:dim]
+    grid = Grid.box(low, high, (high - low).astype(int))
+    body = MaterialPoints.fill(grid, SOFT, 2**dim, inside=lambda x: ((x[:2] > 0) & (x[:2] < size)).all(axis=0))
+    body.velocity = np.tile((speed, -speed / 3, 0.0)[:dim], (len(body), 1))
+    terms = [Viscous(body.surface("bottom"), SOFT), Traction(body.surface("top"), (0.0, -2e4, 0.0)[:dim]), *extra]
+    return Simulation(grid, body, Newmark(0.1 / 3.0), terms, mapping, reuse=reuse)
+
+
+def matrix_of(run):
+    """The step's matrix as it is, and anew of the same fields."""
+    equilibrium = run.equilibrium
+    found = dense.dense(equilibrium.matrix)
+    A = fenicsx.create_matrix(equilibrium._tangent, "aij")
+    fenicsx.assemble_matrix(A, equilibrium._tangent, equilibrium.bcs)
+    A.assemble()
+    return found, dense.dense(A)
+
+
+@pytest.mark.parametrize("dim, mapping, steps", [(2, DM_GC, 60), (2, GIMP, 40), (3, DM_GC, 15)], ids=str)
+def test_the_matrix_is_that_of_the_kept_fields_while_a_body_crosses_cells(dim, mapping, steps):
+    """To round-off of what cells have held before they ran empty, entry by entry beside its diagonal."""
+    run = slide(dim, mapping, 3e-2, speed=1.0, size=12 if dim == 2 else 3)
+    parts = anew = 0
+    for _ in range(steps):
+        run.step()
+        found, wanted = matrix_of(run)
+        used = ~run.equilibrium.idle
+        assert used.any() and (np.diag(wanted)[~used] <= 1e-20 * np.diag(wanted).max()).all()
+        size = np.sqrt(np.diag(wanted)[used])
+        difference = np.abs(found - wanted)[np.ix_(used, used)] / np.outer(size, size)
+        assert difference.max() < 1e-6
+        few = len(run.equilibrium.update.cells) < len(run.motion.region.cells)
+        parts, anew = parts + few, anew + (not few)
+    assert parts > anew
+
+
+@pytest.mark.parametrize("dim, mapping, limit", [
+    (2, DM_GC, 1e-3), (2, DM_GC, 3e-2), (2, DM_G, 3e-2), (2, GIMP, 3e-2), (3, DM_GC, 3e-2)], ids=str)
+def test_the_kept_matrix_bounds_the_true_one(dim, mapping, limit):
+    """(1 - limit) x·A'x <= x·Ax <= (1 + limit) x·A'x for all x."""
+    size = 5 if dim == 2 else 3
+    run, differed = slide(dim, mapping, limit, size=size), 0.0
+    for _ in range(6):
+        run.step()
+        run.prepare(run.time, run.next_time)
+        run.predict()
+        run.equilibrium.assemble_tangent()
+        true = slide(dim, mapping, 0.0, size=size)
+        for name, value in true.bodies[0].state().items():
+            value[...] = getattr(run.bodies[0], name)
+        for theirs, ours in zip(true.scene.patches.values(), run.scene.patches.values(), strict=True):
+            for name, value in theirs.state().items():
+                value[...] = ours.state()[name]
+        true.prepare(run.time, run.next_time)
+        true.equilibrium.assemble_tangent()
+        used = ~(run.equilibrium.idle | true.equilibrium.idle)
+        kept, exact_one = (dense.dense(r.equilibrium.matrix)[np.ix_(used, used)] for r in (run, true))
+        scale = 1.0 / np.sqrt(np.diag(exact_one))
+        kept, exact_one = (scale[:, None] * A * scale for A in (kept, exact_one))
+        ratio = scipy.linalg.eigh(exact_one, kept, eigvals_only=True)
+        assert 1.0 - limit - 1e-9 <= ratio.min() and ratio.max() <= 1.0 + limit + 1e-9
+        differed = max(differed, np.abs(ratio - 1.0).max())
+    assert differed > limit / 30  # it is not the true one
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("integration", [AT_POINTS, DOUBLE_MAPPED], ids=str)
+def test_samples_are_values_at_gauss_points(dim, integration):
+    """Those of x^α for every α that the space holds."""
+    n, rng = integration.degree + 1, np.random.default_rng(3)
+    sample, gauss = at_quadrature(integration, dim), np.polynomial.legendre.leggauss((integration.quadrature + 1) // 2)
+    place, nodes = 0.5 * (1.0 + gauss[0]), np.linspace(0.0, 1.0, n)
+    factor = rng.normal(size=(dim, n))
+
+    def field(line):
+        values = [np.polynomial.polynomial.polyval(line, factor[d]) for d in range(dim)]
+        return np.prod(np.meshgrid(*values, indexing="ij"), axis=0).ravel(order="F")
+
+    np.testing.assert_allclose(sample @ field(nodes), field(place), rtol=0, atol=1e-13)
+
+
+def test_a_pulse_in_a_column_differs_by_less_than_the_limit():
+    """As the error of the matrix does not add up over 150 steps."""
+    found = []
+    for reuse in (0.0, 1e-3):
+        grid = Grid.box((0, -1), (0.5, 11), (2, 48))
+        body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[1] > 0) & (x[1] < 10))
+        terms = [Fixed(grid.facets("left", "right"), "x"), Viscous(body.surface("bottom"), SOIL),
+                 Traction(body.surface("top"), lambda t: (0.0, -300.0 * max(0.0, 1.0 - abs(t - 0.05) / 0.05)))]
+        run = Simulation(grid, body, Newmark(1e-3), terms, reuse=reuse)
+        run.until(0.15)
+        found.append(body.stress[:, 1])
+    assert 0.0 < np.abs(found[1] - found[0]).max() < 1e-3 * 300.0
+
+
+def test_a_body_at_rest_is_assembled_once():
+    run = slide(2, DM_GC, 1e-3, speed=0.0)
+    run.terms.clear()
+    body = run.bodies[0]
+    still = Simulation(run.grid, body, Newmark(1e-2), [Gravity((0.0, 0.0))], reuse=1e-3)
+    for step in range(4):
+        still.step()
+        assert len(still.equilibrium.update.cells) == (len(still.motion.region.cells) if step == 0 else 0)
+
+
+def test_a_run_that_does_not_name_it_does_not_pay_for_it():
+    run = slide(2, DM_GC, 0.0)
+    assert run.equilibrium.update is None
+    assert all(f is g for f, g in zip(run.properties.fields, [f for p in run.properties.projections for f in p.fields],
+                                      strict=True))
+    assert not any(name.startswith("properties") for name in run.state())
+
+
+@pytest.mark.parametrize("reuse", [-1e-3, 0.2, np.nan, np.inf])
+def test_limits_out_of_range_are_refused(reuse):
+    with pytest.raises(ValueError, match="reuse"):
+        slide(2, DM_GC, reuse)
+
+
+def test_what_cannot_be_kept_is_refused():
+    with pytest.raises(ValueError, match=r"reuse = 0.001 .*GhostPenalty"):
+        slide(2, DM_GC, 1e-3, extra=[GhostPenalty()])
+    grid = Grid.box((0, 0), (2, 2), (2, 2))
+    for law in (Hencky(3e6, 0.3, 1800.0), VonMises(SOFT, peak=3e3, residual=1e3, softening=3e4)):
+        with pytest.raises(ValueError, match=r"reuse = 0.001 .*elastic"):
+            Simulation(grid, MaterialPoints.fill(grid, law, 4), Newmark(1e-2), [], reuse=1e-3)
+
+
+def test_a_restart_goes_on_with_what_was_kept():
+    """To round-off: the matrix is made anew then, and was a sum of changes before."""
+    run, again = slide(2, DM_GC, 1e-2), slide(2, DM_GC, 1e-2)
+    for _ in range(8):
+        run.step()
+    again.restore({name: value.copy() for name, value in run.state().items()})
+    again.steps = run.steps
+    for r in (run, again):
+        for _ in range(4):
+            r.step()
+    for name in ("x", "velocity", "stress"):
+        value = getattr(run.bodies[0], name)
+        np.testing.assert_allclose(getattr(again.bodies[0], name), value, rtol=0, atol=1e-8 * np.abs(value).max())
