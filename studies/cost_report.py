@@ -18,7 +18,7 @@ BARS = {  # pieces that share a bar, its colour and hatch: points' work blue, th
     "carry": (("carry",), BLUE, "////"), "predict": (("predict",), PURPLE, ""), "force": (("force",), ORANGE, ""),
     "assemble": (("assemble",), RED, ""), "factor": (("factor",), YELLOW, ""), "solve": (("solve",), GREEN, ""),
     "load, record, other": (("load", "record", "other"), GREY, "")}
-LINES = {"MPM": (PURPLE, "s"), "DM-G": (SKY, "^"), "DM-GC": (BLUE, "o"), "FE": (RED, "D"),
+LINES = {"MPM": (PURPLE, "s"), "DM-G": (SKY, "^"), "DM-GC": (BLUE, "o"), "DM-GC, reuse": (GREY, "P"), "FE": (RED, "D"),
          "FE, Cholesky": (ORANGE, "v"), "FE, frozen": (GREEN, "x")}
 
 

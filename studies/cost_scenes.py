@@ -27,7 +27,8 @@ soil = LinearElastic(young=2e6, poisson=0.41, density=1000.0)
 BODY = {2: (6.0, 4.0), 3: (6.0, 3.0, 3.0)}  # m
 CELLS = {2: (0.125, 0.0625, 0.03125, 0.015625), 3: (0.375, 0.25, 0.1875)}  # m
 COURANT = soil.p_speed * 5e-3 / 0.0625  # 5.5
-MAPPINGS = {m.name: m for m in (MPM, DM_G, DM_GC)}
+REUSE = "DM-GC, reuse"
+MAPPINGS = {**{m.name: {"mapping": m} for m in (MPM, DM_G, DM_GC)}, REUSE: {"mapping": DM_GC, "reuse": 1e-3}}
 CHOLESKY = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": "mumps",
             "ksp_diagonal_scale": False, "ksp_diagonal_scale_fix": False}
 TWINS = {"FE": {"reassemble": True}, "FE, Cholesky": {"reassemble": True, "solver": CHOLESKY},
@@ -67,6 +68,6 @@ def scene(method: str, dim: int, cell: float, empty: int = 1):
         grid = Grid.box([0.0] * dim, upper, number)
         points = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: x[1] < body[1])
         strip = points.surface("top", where=under_strip)
-        run = Simulation(grid, points, stepping, terms(dim, strip, grid), MAPPINGS[method])
+        run = Simulation(grid, points, stepping, terms(dim, strip, grid), **MAPPINGS[method])
     run.record(Probe("stress", [0.5 * length for length in body]))
     return run
