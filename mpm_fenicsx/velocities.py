@@ -46,14 +46,12 @@ class Deposit:
         _divide(nodal)
         if self.sweeps:
             divided, smooth = nodal.copy(), self._smooth.x.array.reshape(nodal.shape)
+            nodal[:, 0] = 1.0
             for _ in range(self.sweeps):
-                nodal[:, 0] = 1.0
                 smooth[:] = 0.0
                 fenicsx.assemble_vector(self._smooth, self._averaging)
                 fenicsx.gather(self._smooth)
-                _divide(smooth)
-                nodal += divided
-                nodal -= smooth
+                _sharpen(divided, smooth, nodal)
         self.motion.nodal(self.motion.v)[:] = nodal[:, 1 : 1 + grid.dim]
         self.motion.nodal(self.motion.a)[:] = nodal[:, 1 + grid.dim :]
 
@@ -65,6 +63,16 @@ def _divide(nodal):
         share = 1.0 / nodal[i, 0] if nodal[i, 0] > 0.0 else 0.0
         for f in range(nodal.shape[1]):
             nodal[i, f] *= share
+
+
+@jit
+def _sharpen(divided, smooth, nodal):
+    """Add to nodal values (nodes, f) what the averages ``smooth``, their mass first, lack of the ``divided`` ones."""
+    for i in range(len(nodal)):
+        if smooth[i, 0] > 0.0:
+            share = 1.0 / smooth[i, 0]
+            for f in range(1, nodal.shape[1]):
+                nodal[i, f] += divided[i, f] - share * smooth[i, f]
 
 
 def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple,

@@ -197,9 +197,9 @@ def main(arguments=None) -> list[dict]:
 
 
 def rounded(value):
-    """Figures to four digits."""
+    """Figures to four digits, but for what tells cases apart."""
     if isinstance(value, dict):
-        return {key: rounded(v) for key, v in value.items()}
+        return {key: v if key in KEYS else rounded(v) for key, v in value.items()}
     if isinstance(value, list):
         return [rounded(v) for v in value]
     return float(f"{value:.4g}") if isinstance(value, float) else value
