@@ -105,7 +105,8 @@ class Equilibrium:
         if update is not None and update.follow():
             if not len(update.cells):
                 return False
-            A.setDiagonal(self._plain)  # rows without material have another one
+            if self.part.matrix is A:
+                A.setDiagonal(self._plain)  # rows without material have another one
             update.add(A, self.bcs)
         else:
             A.zeroEntries()

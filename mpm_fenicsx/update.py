@@ -29,7 +29,7 @@ class Update:
 
     def __init__(self, motion: Motion, fields: list[fem.Function], change: ufl.Form, by: list[fem.Function]):
         self.motion, self._fields, self._by = motion, fields, by
-        self.cells = motion.region.cells
+        self.cells = self._covered = motion.region.cells
         self._marks = sorted({part.subdomain_id() for part in change.integrals()})
         self._domains = [(mark, self.cells) for mark in self._marks]
         self._form = fenicsx.compile_form(
@@ -59,10 +59,12 @@ class Update:
         """See what has changed; False where that is too much to be added, and the matrix is to be made anew."""
         if self._stepping != self.motion.stepping:
             return False
+        cells, self.bare[:] = self.motion.region.cells, True
+        at = cells if cells is self._covered else np.union1d(cells, self._covered)  # elsewhere are and were zeros
+        self._covered = cells
         changed, little = np.zeros(self.motion.grid.cells, dtype=bool), False
-        self.bare[:] = True
         for f, by, dofs, before, peak in zip(self._fields, self._by, self._dofs, self._before, self._peak, strict=True):
-            little |= _differ(dofs, f.x.array, before, by.x.array, peak.max(initial=0.0), peak, changed,
+            little |= _differ(at, dofs, f.x.array, before, by.x.array, peak.max(initial=0.0), peak, changed,
                               self.motion.grid.lattice.nodes, self.bare)
         self.cells = np.flatnonzero(changed).astype(np.int32)
         return not little and len(self.cells) <= MANY * len(self.motion.region.cells)
@@ -75,6 +77,7 @@ class Update:
     def remember(self) -> None:
         """The matrix is that of the fields as they are."""
         self._stepping, self.cells = self.motion.stepping, self.motion.region.cells
+        self._covered = self.cells
         self.bare[:] = False
         for f, dofs, before, peak in zip(self._fields, self._dofs, self._before, self._peak, strict=True):
             before[:] = f.x.array
@@ -87,14 +90,14 @@ def _cell_by_cell(f: fem.Function) -> bool:
 
 
 @jit
-def _differ(dofs, now, before, by, full, peak, changed, nodes, bare):
-    """Differences ``by`` = now - before, then before = now; marks cells where there is one, and nodes with material.
+def _differ(cells, dofs, now, before, by, full, peak, changed, nodes, bare):
+    """Differences ``by`` = now - before in cells, then before = now; marks cells that have one, nodes with material.
 
     ``peak`` (cells,): largest |value| so far; ``full``: that of full cells.  Returns whether a cell that has changed
     holds so little that what it has held counts (``ROUND_OFF``).
     """
     little = False
-    for c in range(len(dofs)):
+    for c in cells:
         size, differs = 0.0, False
         for k in range(dofs.shape[1]):
             i = dofs[c, k]
