@@ -47,9 +47,9 @@ def errors(run, stress, steps):
     return np.array(found)
 
 
-def bar(mapping, courant, steps, sweeps=1, disturbance=0.0):
+def bar(mapping, courant, steps, sweeps=1, disturbance=0.0, law=Newmark):
     """A bar of 20 cells between rollers under pressure; its velocity disturbed by a cosine of a stress of that part."""
-    stepping = Newmark(courant * H / SOIL.p_speed)
+    stepping = law(courant * H / SOIL.p_speed)
     cells, length = int(0.3 * steps) + 26, 20 * H
     grid = Grid.box((-2 * H, 0), ((cells - 2) * H, H), (cells, 1))
     body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] > 0) & (x[0] < length))
