@@ -67,8 +67,8 @@ test: $(READY) ## run the tests
 test-apt: ## run the tests on Debian's DOLFINx, with /usr/bin/python3
 	@$(MAKE) test DOLFINX=apt
 
-validate: $(READY) ## run the long cases with exact or published answers
-	@$(PY) -m pytest -m validation tests/validation $(ARGS)
+validate: $(READY) ## run the long cases with exact or published answers (20 minutes)
+	@$(PY) -m pytest -m validation tests/validation -n $(JOBS) --dist loadfile $(or $(ARGS),--afresh)
 
 speed: $(READY) ## draw error against seconds (20 minutes; ARGS=--quick: two)
 	@$(PY) studies/speed_against_error.py $(ARGS)

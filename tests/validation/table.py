@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 
 import numpy as np
+from absent import ABSENT
 
 FILE = Path(__file__).parents[2] / "results" / "validation.json"
 ORDER = ("FE", "MPM", "GIMP", "CMPM", "DM", "DM-G", "DM-C", "DM-GC", "DM-GCL")
@@ -16,32 +17,59 @@ def read(file: Path = FILE) -> list[dict]:
     return json.loads(file.read_text()) if file.exists() else []
 
 
-def merge(new: list[dict], file: Path = FILE) -> list[dict]:
-    """Replace the rows of the same case and mapping, keep the others, and write them all, in order of the cases."""
-    rows = {(row["case"], row["mapping"]): row for row in read(file) + new}
-    found = sorted(rows.values(), key=lambda row: (_number(row["case"]), row["case"], _place(row["mapping"])))
+def merge(new: list[dict], file: Path = FILE, keep: bool = True) -> list[dict]:
+    """Replace the rows of the same case and mapping, keep the others or not, and write them all, in order."""
+    rows = {(row["case"], row["mapping"]): row for row in (read(file) if keep else []) + new}
+    found = ordered(rows.values())
     file.write_text("[\n" + ",\n".join(json.dumps(row, ensure_ascii=False) for row in found) + "\n]\n")
     return found
 
 
+def ordered(rows) -> list[dict]:
+    """By number and name of the case, then by mapping."""
+    return sorted(rows, key=lambda row: (_number(row["case"]), row["case"], _place(row["mapping"])))
+
+
 def markdown(rows: list[dict]) -> str:
-    """One row a case, one column a mapping: the error, and a letter for the stated reason where it is a failure."""
+    """One row a case, one column a mapping: the error, or a dash where the case is not run; letters give reasons."""
     names = sorted({row["mapping"] for row in rows}, key=_place)
-    reasons = list(dict.fromkeys(row["note"] for row in rows if row["note"]))
+    reasons: list[str] = []
     lines = ["| case | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
     for case in dict.fromkeys(row["case"] for row in rows):
-        cells = {row["mapping"]: _cell(row, reasons) for row in rows if row["case"] == case}
-        lines.append(f"| {case} | " + " | ".join(cells.get(name, "") for name in names) + " |")
+        here = {row["mapping"]: row for row in rows if row["case"] == case}
+        cells = []
+        for name in names:
+            text, reason = _cell(here[name]) if name in here else _gap(case, name)
+            if reason and reason not in reasons:
+                reasons.append(reason)
+            cells.append(f"{text} ({_letter(reasons.index(reason))})" if reason else text)
+        lines.append(f"| {case} | " + " | ".join(cells) + " |")
     return "\n".join(lines + [""] + [f"({_letter(i)}) {reason}  " for i, reason in enumerate(reasons)])
 
 
-def _cell(row: dict, reasons: list[str]) -> str:
+def absent(case: str, mapping: str) -> str:
+    """Why the mapping does not run the case; nothing where no reason is given."""
+    return next((why for start, mappings, why in ABSENT if case.startswith(start) and mapping in mappings.split()), "")
+
+
+def blanks(rows: list[dict]) -> list[tuple[str, str]]:
+    """Cells without an error and without a reason."""
+    filled = {(row["case"], row["mapping"]) for row in rows}
+    cells = [(case, name) for case in dict.fromkeys(row["case"] for row in rows) for name in ORDER]
+    return [cell for cell in cells if cell not in filled and not absent(*cell)]
+
+
+def _cell(row: dict) -> tuple[str, str]:
     error = row["error"]
     text = "∞" if error is None else f"{error:.0e}" if 0.0 < error < 1e-5 else f"{100 * error:.2g} %"
     if error is not None and error >= 0.995:
         text = f"> {min(10 ** int(np.log10(error) + 1e-9), 1000):.0f}00 %"
-    return f"**{row['result']}** {text}" if row["result"] == "FAILED" else \
-        f"{text} ({_letter(reasons.index(row['note']))})" if row["note"] else text
+    return (f"**FAILED** {text}", "") if row["result"] == "FAILED" else (text, row["note"])
+
+
+def _gap(case: str, mapping: str) -> tuple[str, str]:
+    reason = absent(case, mapping)
+    return ("–" if reason else "", reason)
 
 
 def _letter(i: int) -> str:

@@ -4,16 +4,12 @@ import functools
 
 import numpy as np
 import pytest
+from methods import LINEAR, TILING, over
 from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from mpm_fenicsx import (
-    DM,
-    DM_G,
-    DM_GC,
-    GIMP,
-    MPM,
     FiniteElements,
     Fixed,
     Grid,
@@ -32,6 +28,8 @@ LENGTH, SOIL = 10.0, Hencky(young=12e6, poisson=0.2, density=1000.0)
 STIFFNESS = SOIL.young / (1 - SOIL.poisson**2)  # in plane strain
 SHEAR = 5 / 6 * SOIL.lame[1]
 H = (0.5, 0.25, 0.125)
+ELASTICA = "2 cantilever, h = {:g} m: tip against the elastica, 1.2 % off itself for its depth"
+LIMIT = "2 cantilever, h = {:g} m: tip against the limit of finite elements"
 LOST = "linear shape functions: a node that a single point reaches runs away, and Newton stops"
 
 
@@ -114,21 +112,22 @@ def test_the_elastica_is_the_limit_of_slender_finite_elements():
     assert gaps[0] / gaps[1] == pytest.approx(4.0, rel=0.15)
 
 
-@pytest.mark.parametrize("kind", [None, GIMP, DM_G, DM_GC], ids=lambda kind: str(kind or "FE"))
-def test_the_tip_converges(kind, record):
-    found = [tip(kind, h) for h in H]
+@over(None, *TILING)
+def test_the_tip_converges(mapping, record):
+    found = [tip(mapping, h) for h in H]
     for h, u in zip(H, found, strict=True):
-        record(f"2 cantilever, h = {h:g} m: tip against the elastica, 1.2 % off itself for its depth", kind or "FE",
-               relative(u, elastica(1.0, 100e3)))
+        record(ELASTICA.format(h), mapping, relative(u, elastica(1.0, 100e3)))
     error = [relative(u, limit()) for u in found]
     for h, e in zip(H, error, strict=True):
-        record(f"2 cantilever, h = {h:g} m: tip against the limit of finite elements", kind or "FE", e)
+        record(LIMIT.format(h), mapping, e)
     assert error[0] > error[1] > error[2]
     assert error[2] < 0.01
 
 
-@pytest.mark.parametrize("kind", [MPM, DM], ids=str)
-def test_linear_shape_functions_fail(kind, record):
+@pytest.mark.parametrize("h", H)
+@over(*LINEAR)
+def test_linear_shape_functions_fail(mapping, h, record):
+    for case in (ELASTICA, LIMIT):
+        record(case.format(h), mapping, None, LOST)
     with pytest.raises(RunError, match=r"step .* Newton does not converge"):
-        tip(kind, 0.5)
-    record("2 cantilever, h = 0.5 m: tip against the elastica, 1.2 % off itself for its depth", kind, None, LOST)
+        tip(mapping, h)

@@ -6,12 +6,12 @@ t + L/c.  v_up = 9.806 t exp(−(10πt)²) m/s for shear: 1 g at its middle.
 
 import numpy as np
 import pytest
+from methods import LINEAR, METHODS, over
 
 from mpm_fenicsx import (
+    CMPM,
     DM_G,
     DM_GC,
-    GIMP,
-    MPM,
     FiniteElements,
     Fixed,
     Grid,
@@ -66,24 +66,25 @@ def shake(mapping, courant=0.5):
     return np.array(t), np.array(found), place[rows, 1]
 
 
-@pytest.mark.parametrize("mapping", [None, MPM, GIMP, DM_G, DM_GC], ids=lambda mapping: str(mapping or "FE"))
+@METHODS
 def test_one_g_goes_up_two_g_arrive_and_one_comes_down(mapping, record):
-    """Two metres a cell, 37 a wavelength at the middle of the spectrum; L2 over the run has the tails of dispersion."""
+    """Two metres a cell, 37 a wavelength at the middle of the spectrum; L2 over the run has the tails of dispersion,
+    which composite strain on linear weights makes a fifth longer."""
     t, found, y = shake(mapping)
     base, surface = found.T
     below, above = (acceleration(t - x / ROCK.s_speed) + acceleration(t - (2 * L - x) / ROCK.s_speed) for x in y)
     up = t < L / ROCK.s_speed + START
     peaks = np.array([base[up].max(), base[~up].max(), surface.max() / 2]) / G
-    name = mapping or "FE"
-    record("12 compliant base: peaks of 1 g at the base, 2 g above", name, np.abs(peaks - 1).max())
-    record("12 compliant base: accelerations (L2)", name,
+    tails = 0.06 if mapping in LINEAR and mapping.composite else 0.05
+    record("12 compliant base: peaks of 1 g at the base, 2 g above", mapping, np.abs(peaks - 1).max())
+    record("12 compliant base: accelerations (L2)", mapping,
            max(relative_error(base, below), relative_error(surface, above)))
     assert np.abs(peaks - 1).max() < 0.01
-    assert relative_error(base, below) < 0.05
-    assert relative_error(surface, above) < 0.05
+    assert relative_error(base, below) < tails
+    assert relative_error(surface, above) < tails
 
 
-@pytest.mark.parametrize("mapping", [None, DM_G, DM_GC], ids=lambda mapping: str(mapping or "FE"))
+@over(None, CMPM, DM_G, DM_GC)
 def test_the_error_at_the_surface_is_of_second_order(mapping, monkeypatch):
     error = []
     for h in (2.0, 1.0):

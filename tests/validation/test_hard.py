@@ -6,9 +6,9 @@ their velocities.
 
 import numpy as np
 import pytest
+from methods import MAPPED, METHODS
 
 from mpm_fenicsx import (
-    MAPPINGS,
     Energy,
     FiniteElements,
     Fixed,
@@ -28,7 +28,6 @@ SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 LOCKS = "bilinear cells lock without B-bar"
 SMOOTHS = "what one sweep leaves of the averaging of velocities, in a mode of 10 cells a half-wave"
 STICK = "one velocity field: bodies that share nodes hold one another, in tension as well, 0.5 to 0.9 cells apart"
-METHODS = pytest.mark.parametrize("mapping", [None, *MAPPINGS], ids=lambda mapping: str(mapping or "FE"))
 
 
 def column(mapping, courant, duration, base=None):
@@ -153,7 +152,7 @@ def meet(mapping, n=8, gap=3, speed=0.01):
     return found[-1, :2], np.abs(found[:, :2].sum(axis=1) - 1).max(), begins, found[-1, 2]
 
 
-@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+@MAPPED
 def test_two_bodies_meet_and_should_part(mapping, record):
     """They do not act across an empty cell; but once they share nodes they stay together."""
     velocities, lost, begins, apart = meet(mapping)

@@ -6,9 +6,9 @@ Pressure acts on surface points laid along the inner circle.  Finite elements ha
 import meshio
 import numpy as np
 import pytest
+from methods import MAPPED
 
 from mpm_fenicsx import (
-    MAPPINGS,
     FiniteElements,
     Fixed,
     Grid,
@@ -86,7 +86,7 @@ def test_finite_elements_are_of_second_order(record, tmp_path):
     assert (fine < 2e-4).all()
 
 
-@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+@MAPPED
 def test_points_of_a_staircase(mapping, record):
     """What points are in the body jumps as cells shrink; from 8 to 64 cells stress gains a factor of 2 to 6."""
     error = np.array([points(mapping, cells) for cells in (8, 16, 32, 64)])

@@ -11,11 +11,11 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import two_bars
+from methods import MAPPED
 
 from mpm_fenicsx import (
     CMPM,
     DM_C,
-    MAPPINGS,
     MPM,
     Contact,
     Fixed,
@@ -32,13 +32,12 @@ from mpm_fenicsx import (
 
 pytestmark = pytest.mark.validation
 
-METHODS = pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
 CASE = "15 two bodies with Contact"
 GAINS = "composite strain on linear weights: a bar with a step in its velocity gains energy, alone as well"
 THROWN = "linear weights: a corner in a cell without its points is thrown out of the grid, or a point inside out"
 
 
-@METHODS
+@MAPPED
 def test_two_bodies_meet_and_part(mapping, record):
     """Bars of 8 cells, 3 cells apart, at 1 % of c: the scene in which one field of velocity holds them together."""
     n, gap, speed = 8, 3.0, 0.005
@@ -59,7 +58,7 @@ def test_two_bodies_meet_and_part(mapping, record):
     assert shown["most"] < 1.05
 
 
-@METHODS
+@MAPPED
 def test_equal_bars(mapping, record):
     """Cells of L/40: stress at the faces, how long it lasts, velocities, energy."""
     shown = two_bars.figures("equal", two_bars.history(two_bars.bars("equal", mapping, 40, 0.5, 0.3), 40))
@@ -74,7 +73,7 @@ def test_equal_bars(mapping, record):
     assert shown["most"] > 1.1 if gains else 0.95 < shown["energy"] < 1.0 and shown["most"] < 1.01
 
 
-@METHODS
+@MAPPED
 def test_unequal_bars(mapping, record):
     """A bar that meets one of twice its length at rest gives it all its momentum."""
     shown = two_bars.figures("unequal", two_bars.history(two_bars.bars("unequal", mapping, 40, 0.5, 0.3), 40, 3.8))
@@ -82,7 +81,7 @@ def test_unequal_bars(mapping, record):
     assert shown["velocity"] < 0.02 and shown["momentum"] < 1e-12
 
 
-@METHODS
+@MAPPED
 def test_bars_in_series(mapping, record):
     """Statics: p stretches a bar through a gap g against one a hundred times stiffer, q = (p a − g)/(a + b)."""
     h, na, nb, p, ratio = 0.25, 8, 12, 2e3, 100.0
@@ -106,7 +105,7 @@ def test_bars_in_series(mapping, record):
     assert error < 1e-3
 
 
-@METHODS
+@MAPPED
 def test_a_block_rests_and_slides(mapping, record):
     """Gravity comes within ten swings; then the force is the weight in the mean, and sliding goes on."""
     h, soil, slide = 0.25, LinearElastic(20e6, 0.3, 1500.0), 0.5

@@ -6,13 +6,11 @@ Exact: a body without stress moves as it is told; a bar whose stress its ends ho
 
 import numpy as np
 import pytest
+from methods import LOST, MAPPED
 
 from mpm_fenicsx import (
     CMPM,
-    DM_G,
-    DM_GC,
-    GIMP,
-    MAPPINGS,
+    MPM,
     Fixed,
     Grid,
     LinearElastic,
@@ -26,9 +24,9 @@ from mpm_fenicsx import (
 pytestmark = pytest.mark.validation
 
 SOIL, H, STRESS = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25, 100e3
-MAPPED = pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
-TILED = pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
 UNSTABLE = "composite strain on linear weights: round-off grows"
+HOURGLASS = "one point in the middle of a cell gives its hourglass modes neither mass nor stiffness: a singular matrix"
+SUMS = "a sum over random points is not the integral: the bar's internal force is not that of its stress"
 GAPS = "support domains around random points overlap and leave gaps: the bar's internal force is not that of its stress"
 
 
@@ -80,7 +78,7 @@ def test_a_point_a_hair_outside_stays_in_the_run(mapping, record):
 
 
 def bar(mapping, pace, per_cell=4, jitter=0.0, shift=0.0, origin=0.0, steps=100):
-    """Errors of stress (steps,), relative, of a bar of 12 cells that moves by ``pace`` cells a step."""
+    """Errors of stress, relative, of a bar of 12 cells that moves by ``pace`` cells a step; ∞ where the run stops."""
     cells = int(abs(pace) * steps) + 18
     grid = Grid.box((origin, 0), (origin + cells * H, H), (cells, 1))
     body = MaterialPoints.fill(grid, SOIL, per_cell, inside=lambda x: np.abs((x[0] - origin) / H - 8) < 6,
@@ -93,13 +91,16 @@ def bar(mapping, pace, per_cell=4, jitter=0.0, shift=0.0, origin=0.0, steps=100)
     terms = [Fixed(grid.facets("bottom", "top"), "y")]
     terms += [Traction(body.surface(side), (push, 0.0)) for side, push in (("left", STRESS), ("right", -STRESS))]
     run, error = Simulation(grid, body, stepping, terms, mapping), []
-    for _ in range(steps):
-        run.step()
-        error.append(np.abs(body.stress[:, 0] + STRESS).max() / STRESS)
+    try:
+        for _ in range(steps):
+            run.step()
+            error.append(np.abs(body.stress[:, 0] + STRESS).max() / STRESS)
+    except RunError:
+        error.append(np.inf)
     return np.array(error)
 
 
-@TILED
+@MAPPED
 @pytest.mark.parametrize("name, scene", [
     ("points on grid lines, half a cell a step", {"pace": 0.5, "shift": 0.25}),
     ("one point a cell, 0.3 cells a step", {"pace": 0.3, "per_cell": 1}),
@@ -107,14 +108,24 @@ def bar(mapping, pace, per_cell=4, jitter=0.0, shift=0.0, origin=0.0, steps=100)
     ("nine points a cell, 0.3 cells a step", {"pace": 0.3, "per_cell": 9})], ids=lambda value: str(value)[:12])
 def test_a_bar_keeps_its_stress(mapping, name, scene, record):
     error = bar(mapping, **scene).max()
-    record(f"14 bar under stress, {name}", mapping, error)
-    assert error < 1e-9 * (1e3 if "origin" in scene else 1)  # 1,000 m have 1e-13 m of round-off
+    hourglass = scene.get("per_cell") == 1 and mapping in (MPM, CMPM)
+    record(f"14 bar under stress, {name}", mapping, error,
+           "" if mapping.support else HOURGLASS if hourglass else LOST)
+    if mapping.support:
+        assert error < 1e-9 * (1e3 if "origin" in scene else 1)  # 1,000 m have 1e-13 m of round-off
+    else:
+        assert error > 0.5
 
 
-@TILED
+@MAPPED
 def test_points_strewn_at_random_do_not_hold_a_stress(mapping, record):
-    """At rest, off by up to 0.3 of their spacing: an error of that size; only DM-GC's grows in 1,000 steps."""
+    """At rest, off by up to 0.3 of their spacing: an error of that size.
+
+    With composite strain over support domains it grows in 1,000 steps.
+    """
     error = bar(mapping, 0.0, jitter=0.3, steps=1000)
-    record("14 bar under stress, random points at rest, 1,000 steps", mapping, error.max(), GAPS)
-    assert 0.3 < error.max() < 2.0
-    assert mapping is DM_GC or error[750:].max() < 1.05 * error[:250].max()
+    record("14 bar under stress, random points at rest, 1,000 steps", mapping, error.max(),
+           GAPS if mapping.support else SUMS)
+    assert 0.15 < error.max() < (2.0 if mapping.support else 0.3)
+    grows = mapping.support and mapping.composite
+    assert (error[750:].max() < 1.05 * error[:250].max()) != grows

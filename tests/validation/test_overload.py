@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from methods import NOT_DERIVED
 
 from mpm_fenicsx import DM_G, DM_GC, GIMP, MPM, DeadLoad, Traction, VonMises
 
@@ -18,7 +19,6 @@ import overload
 pytestmark = pytest.mark.validation
 
 BEARS_MORE = "a traction is per area as it is: the crater's walls stretch, bear more, and stretch the faster (DeadLoad)"
-NOT_DERIVED = "Newton's matrix (the mean of ∇N ∇N over support domains) is not its derivative"
 FLIES = "a single point flies off where points cross cells"
 
 

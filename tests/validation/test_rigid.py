@@ -5,14 +5,13 @@ Exact: a translation leaves no stress, a turn none but the centrifugal one; both
 
 import numpy as np
 import pytest
+from methods import FED, MAPPED, UNSTABLE
 
 from mpm_fenicsx import (
     CMPM,
     DM,
     DM_C,
-    DM_GC,
-    GIMP,
-    MAPPINGS,
+    DM_GCL,
     MPM,
     Energy,
     Grid,
@@ -26,10 +25,8 @@ from mpm_fenicsx import (
 pytestmark = pytest.mark.validation
 
 SOIL, H = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25
-MAPPED = pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
 GROWTH = "small strain: a turn by θ reads as 1 - cos θ of compression, relieved by growth of 2π²/N a turn in N steps"
 STIFFLESS = "few points in a cut cell leave the matrix nearly singular: the linear solver's 1e-11 comes back as 1e-7"
-UNSTABLE = "strain or stiffness that is not the adjoint of the internal force feeds a free edge on linear weights"
 
 
 @MAPPED
@@ -102,16 +99,22 @@ def test_a_disc_turns_once(mapping, record):
         return
     assert drift.max() < 1e-7
     record("7 the same: growth of the radius", mapping, growth[0], GROWTH)
-    record("7 the same: stress/E", mapping, stress[0])
+    fed = mapping is DM_GCL
+    record("7 the same, or in 800 steps: stress/E", mapping, stress.max(), FED if fed else "")
     np.testing.assert_allclose(growth * [400, 800], 2 * np.pi**2, rtol=0.05)
-    assert stress.max() < (2e-3 if mapping is DM_C else 4e-4)
+    assert stress.max() < (2e-3 if mapping is DM_C or fed else 4e-4)
+    assert not fed or stress[1] > 2.5 * stress[0]
     assert 0.4 * spin[0] > spin[1] - 0.01 > 0.0
 
 
-@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+@MAPPED
 def test_a_cylinder_turns_a_quarter(mapping, record):
     spin, growth, stress, drift = turn(mapping, 200, 0.25, 3)
-    record("7 cylinder, a quarter turn in 50 steps: angular momentum", mapping, abs(spin), GROWTH)
+    record("7 cylinder, a quarter turn in 50 steps: angular momentum", mapping, abs(spin),
+           UNSTABLE if mapping is CMPM else GROWTH)
+    if mapping is CMPM:
+        assert not np.isfinite(growth)
+        return
     assert drift < 1e-7
     assert stress < 3e-4
     assert growth == pytest.approx(2 * np.pi**2 / 200 / 4, rel=0.15)

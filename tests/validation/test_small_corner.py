@@ -10,17 +10,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from methods import MAPPED, TILING, over
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 from small_cuts_cases import drift, released, statics
 
-from mpm_fenicsx import DM_G, DM_GC, GIMP, GhostPenalty
+from mpm_fenicsx import DM_GC, GhostPenalty
 
 pytestmark = pytest.mark.validation
 
 CUTS = 10.0 ** -np.arange(2.0, 8.5)
 CURE = [GhostPenalty()]
-MAPPED = pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
 
 
 @MAPPED
@@ -30,7 +30,7 @@ def test_statics(mapping, record):
     assert (error < CUTS / 2).all()
 
 
-@MAPPED
+@over(*TILING)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_stress_set_free(dim, mapping):
     """Condition of the scaled matrix and largest acceleration, relative to those of the block without a corner."""

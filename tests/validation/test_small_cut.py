@@ -6,14 +6,14 @@ Exact in statics: the stress becomes the traction's, and the edge moves by the s
 import dense
 import numpy as np
 import pytest
+from methods import MAPPED
 
-from mpm_fenicsx import MAPPINGS, Fixed, Grid, MaterialPoints, Newmark, QuasiStatic, Simulation, Traction
+from mpm_fenicsx import Fixed, Grid, MaterialPoints, Newmark, QuasiStatic, Simulation, Traction
 
 pytestmark = pytest.mark.validation
 
 SOIL, H, N, STRESS, MISS = dense.SOIL, 0.25, 4, 100e3, 0.01
 CUTS = (1e-2, 1e-4, 1e-6, 1e-8)
-MAPPED = pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
 LOST = "points without extent do not reach the cut cell: of the traction on it, the part `cut` falls on empty nodes"
 
 
