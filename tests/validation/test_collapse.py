@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
-from methods import POINTS
+from methods import FLIES, LINEAR, POINTS, STRAINS_APART
 
 from mpm_fenicsx import (
+    CMPM,
     DM_GC,
     GIMP,
     Energy,
+    FiniteElements,
     Fixed,
     Gravity,
     Grid,
@@ -15,6 +17,7 @@ from mpm_fenicsx import (
     MaterialPoints,
     Newmark,
     Newton,
+    RunError,
     Simulation,
     VonMises,
 )
@@ -46,6 +49,21 @@ def test_a_vertical_cut_stands_up_to_its_stability_number(number, falls):
     assert settled > 0.05 if falls else settled < 0.005
 
 
+def test_the_energy_of_finite_elements_balances(record):
+    """They stretch with the soil, its toe further than points do; balance and rest are the same."""
+    law = VonMises(Hencky(1e6, 0.3, DENSITY), 20e3 / np.sqrt(3), 20e3 / np.sqrt(3), 0.0)
+    grid = Grid.box((0, 0), (WIDTH, HEIGHT), (16, 16))
+    run = FiniteElements(grid, law, Newmark(0.01), [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom")),
+                                                    Gravity((0.0, -G))])
+    energy = run.record(Energy())
+    run.until(4.0)
+    work = energy["work"][-1]
+    record("collapse of a block, h = 0.5 m: energy not found", None, abs(energy.lost[-1]) / work)
+    assert abs(energy.lost[-1]) < 1e-3 * work
+    assert energy["kinetic"][-1] < 0.01 * work
+    assert energy["plastic"][-1] > 0.8 * work
+
+
 @pytest.mark.parametrize("mapping, h", [(DM_GC, 1.0), *((mapping, 0.5) for mapping in POINTS)], ids=str)
 def test_collapse_runs_to_rest_and_its_energy_balances(mapping, h, record):
     """c = 20/√3 kPa, E = 1 MPa: it runs out to about twice its width.  The balance closes within 5 % of the work of
@@ -54,10 +72,17 @@ def test_collapse_runs_to_rest_and_its_energy_balances(mapping, h, record):
     law = VonMises(Hencky(1e6, 0.3, DENSITY), 20e3 / np.sqrt(3), 20e3 / np.sqrt(3), 0.0)
     run, body, energy = block(mapping, law, h, ramp=0.0, dt=0.01, newton=Newton(tolerance=tolerance))
     start = body.x.copy()
-    run.until(4.0)
+    case = f"collapse of a block, h = {h:g} m: energy not found"
+    try:
+        run.until(4.0)
+    except RunError as error:
+        record(case, mapping, None, STRAINS_APART if mapping is CMPM else FLIES)
+        assert mapping in LINEAR
+        assert ("Newton does not converge" if mapping is CMPM else "turns inside out") in str(error)
+        return
     work = energy["work"][-1]
     lost = energy.lost[-1] / work
-    record(f"collapse of a block, h = {h:g} m: energy not found", mapping, abs(lost))
+    record(case, mapping, abs(lost))
     assert work == pytest.approx(G * body.mass @ (start - body.x)[:, 1], rel=0.02)
     assert energy["kinetic"][-1] < 0.01 * work
     assert energy["plastic"][-1] > 0.8 * work

@@ -4,9 +4,11 @@ Two waves at ±θ together leave the lines x = 0 and x = π/k_x straight and wit
 are the whole plane.  A packet of finite length has a spectrum of angles, over which the exact answer is averaged.
 """
 
+from itertools import product
+
 import numpy as np
 import pytest
-from methods import LINEAR, POINTS, SLACK, TILING, name
+from methods import LINEAR, SLACK, TILING, over
 
 from mpm_fenicsx import (
     DM_GC,
@@ -21,8 +23,11 @@ from mpm_fenicsx import (
     Viscous,
 )
 from mpm_fenicsx.exact import dashpot_echo
+from mpm_fenicsx.projection import DOUBLE_MAPPED
 
 pytestmark = pytest.mark.validation
+
+TIRES = "cells that lock are stiffer than the strain of points: shear waves aslant lose energy, of first order in Δt"
 
 CELLS = 16  # a wavelength
 
@@ -71,18 +76,18 @@ class Packet:
         return field(c, s), np.moveaxis(np.array(gradient), -1, 0), v, a
 
 
-def energy_back(mapping, wave, degrees, poisson):
-    """Part of the energy left when the packet has gone down and what comes back has gone up; and the exact one."""
+def sent(mapping, wave, degrees, poisson, courant=0.5, **keywords):
+    """The packet as it is sent down: the run, its energy, the packet, and how long until what comes back is up."""
     soil, spread = LinearElastic(20e6, poisson, 1500.0), 0.8 * CELLS
     packet = Packet(soil, wave, degrees, 4 * spread, spread)
     height, wait = round(12 * spread), 7 if degrees > 50 else 5  # the shallow waves of the packet come late
     side = "y" if wave == "S" and not degrees else "x"
-    stepping = Newmark(0.5 / packet.speed)
+    stepping = Newmark(courant / packet.speed)
     size = 1e-6
     if mapping is None:
         grid = Grid.box((0, 0), (packet.cells, height), (packet.cells, height))
         terms = [Fixed(grid.facets("left", "right"), side), Viscous(grid.facets("bottom"), soil)]
-        run = FiniteElements(grid, soil, stepping, terms)
+        run = FiniteElements(grid, soil, stepping, terms, **keywords)
         u, _, v, a = packet.at(grid.space.tabulate_dof_coordinates()[:, :2])
         for f, value in ((run.displacement, u), (run.motion.v, v), (run.motion.a, a)):
             run.motion.nodal(f)[:] = size * value
@@ -96,27 +101,54 @@ def energy_back(mapping, wave, degrees, poisson):
         body.stress = soil.update(rows, body.stress)
         body.velocity, body.acceleration = size * v, size * a
         run = Simulation(grid, body, stepping, [Fixed(grid.facets("left", "right"), side),
-                                                Viscous(body.surface("bottom"), soil)], mapping)
-    energy = run.record(Energy())
+                                                Viscous(body.surface("bottom"), soil)], mapping, **keywords)
     way = packet.start + wait * spread
-    for _ in range(int(way / packet.speed / np.cos(np.radians(degrees)) / stepping.dt)):
+    return run, run.record(Energy()), packet, way / packet.speed / np.cos(np.radians(degrees))
+
+
+def energy_back(*scene, **keywords):
+    """Part of the energy left when the packet has gone down and what comes back has gone up; and the exact one."""
+    run, energy, packet, time = sent(*scene, **keywords)
+    for _ in range(int(time / run.stepping.dt)):
         run.step()
     return energy.left[-1] / energy.left[0], packet.echo()
 
 
 @pytest.mark.parametrize("wave", ["P", "S"])
-@pytest.mark.parametrize("poisson", [0.25, 0.41])
-@pytest.mark.parametrize("mapping, steep", [*((mapping, False) for mapping in (None, *POINTS)),
-                                            *((mapping, True) for mapping in (None, *TILING))], ids=name)
+@pytest.mark.parametrize("mapping, steep, poisson", [*product((None, *TILING), (False, True), (0.25, 0.41)),
+                                                     *product(LINEAR, (False,), (0.25,))], ids=str)
 def test_energy_that_comes_back(mapping, steep, poisson, wave, record):
     """The error is a part of the energy that arrived; of angles up to 40° the largest."""
     angles = (60,) if steep else (0, 20, 40) if mapping in (None, DM_GC) and poisson == 0.25 else (40,)
     error = max(abs(np.subtract(*energy_back(mapping, wave, degrees, poisson))) for degrees in angles)
     case = f"9 {wave} waves on dashpots, ν = {poisson:g}, {'60' if steep else 'up to 40'}°: energy back"
     slack = mapping in LINEAR
-    record(case, mapping, error, SLACK if slack else "")
+    tired = not slack and mapping and mapping.composite and wave == "S" and poisson == 0.41
+    record(case, mapping, error, SLACK if slack else TIRES if tired else "")
     if slack:
         assert error > 0.1
+    elif tired:
+        assert 0.002 < error < 0.04
     else:
-        # at 60° the walls are nine cells apart, and DM-GC's one-sided patches there take 1 % in the 560 steps
         assert error < (0.012 if steep or mapping not in (None, DM_GC) else 0.002)
+
+
+@over(None, *(mapping for mapping in TILING if mapping.integrate is DOUBLE_MAPPED))
+def test_b_bar_brings_shear_waves_back(mapping, record):
+    error = abs(np.subtract(*energy_back(mapping, "S", 60, 0.41, b_bar=True)))
+    record("9 S waves on dashpots, ν = 0.41, 60°, B-bar: energy back", mapping, error)
+    assert error < 0.012
+
+
+def test_what_shear_waves_lose_aslant_is_of_first_order_in_the_step_and_of_locking():
+    """Over a way of 10 cells, before they come to the dashpots: 3 %, with B-bar a fifth of it."""
+    def lost(courant=0.5, b_bar=False):
+        run, energy, _, _ = sent(DM_GC, "S", 60, 0.41, courant, b_bar=b_bar)
+        for _ in range(round(20 / courant)):
+            run.step()
+        return 1 - energy.left[-1] / energy.left[0]
+
+    print(lost(), lost(0.25), lost(b_bar=True))
+    assert lost() > 0.02
+    assert lost(0.25) / lost() == pytest.approx(0.5, rel=0.1)
+    assert lost(b_bar=True) < lost() / 4

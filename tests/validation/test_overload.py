@@ -5,48 +5,56 @@ A right run goes on sinking and finds the work of the load again, less what its 
 """
 
 import sys
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 import pytest
-from methods import NOT_DERIVED
+from methods import FLIES, LINEAR, LOST, METHODS, NOT_DERIVED, POINTS, STRAINS_APART, name, over
 
-from mpm_fenicsx import DM_G, DM_GC, GIMP, MPM, DeadLoad, Traction, VonMises
+from mpm_fenicsx import CMPM, DM_G, DM_GC, GIMP, MPM, DeadLoad, Traction, VonMises
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import overload
 
 pytestmark = pytest.mark.validation
 
+STOPS = {GIMP: NOT_DERIVED, CMPM: STRAINS_APART}
 BEARS_MORE = "a traction is per area as it is: the crater's walls stretch, bear more, and stretch the faster (DeadLoad)"
-FLIES = "a single point flies off where points cross cells"
 
 
-@pytest.mark.parametrize("mapping", [DM_G, DM_GC], ids=str)
-@pytest.mark.parametrize(("dt", "bound"), [(5e-3, 0.12), (1.25e-3, 0.06)])
-def test_the_strip_sinks_on_and_its_energy_balances(mapping, dt, bound, record):
-    """What steps of 5 ms dissipate falls with them.  Of DM-GC a gain of 4 % of the work is left, for its composite
-    strain is not the one that its force works on."""
+@pytest.mark.parametrize(("mapping", "dt"), [*product((None, *POINTS), (5e-3,)), *product((DM_G, DM_GC), (1.25e-3,))],
+                         ids=name)
+def test_the_strip_sinks_on_and_its_energy_balances(mapping, dt, record):
+    """What steps of 5 ms dissipate, a tenth of the work, falls with them.  Of DM-GC a gain of 4 % of the work is left,
+    for its composite strain is not the one that its force works on.  Finite elements, whose
+    velocities stay on the grid, lose none."""
     row = overload.measure(mapping, cell=0.25, dt=dt)
     lost = np.array(row["lost_j"]) / row["work_j"][-1]
-    record(f"15 strip overloaded to 60 kPa, Δt = {1e3 * dt:g} ms: work not found", mapping, abs(lost).max())
+    case = f"15 strip overloaded to 60 kPa, Δt = {1e3 * dt:g} ms: work not found"
+    if mapping in STOPS:
+        record(case, mapping, None, STOPS[mapping])
+        assert "Newton does not converge" in row["stopped"]
+        return
+    record(case, mapping, abs(lost).max())
     assert row["stopped"] is None
     t, down = np.array(row["t"]), np.array(row["settlement_m"])
     assert down[-1] > 0.9
     assert (np.diff(down[t > 0.3]) > 0.0).all()
-    assert row["half_per_cell"] > 0.7  # support domains have outgrown the half cell where they end
-    assert abs(lost).max() < bound
+    assert mapping is None or row["half_per_cell"] > 0.7  # domains have outgrown the half cell where they end
+    assert abs(lost).max() < (1e-3 if mapping is None else 0.06 if dt < 5e-3 else 0.15 if mapping in LINEAR else 0.12)
 
 
-@pytest.mark.parametrize("mapping", [DM_G, DM_GC], ids=str)
+@over(*POINTS)
 def test_while_strains_are_small_it_sinks_like_finite_elements(mapping, record):
     twin, row = (overload.measure(m, until=0.3, cell=0.125) for m in (None, mapping))
     error = row["settlement_m"][-1] / twin["settlement_m"][-1] - 1.0
-    record("15 strip overloaded, settlement at 0.3 s against FE", mapping, abs(error))
-    assert abs(error) < 0.02
+    lost = LOST if mapping in LINEAR else ""
+    record("15 strip overloaded, settlement at 0.3 s against FE", mapping, abs(error), lost)
+    assert 0.03 < error < 0.08 if mapping in LINEAR else abs(error) < 0.02
 
 
-@pytest.mark.parametrize("mapping", [DM_G, DM_GC], ids=str)
+@METHODS
 def test_below_its_capacity_it_stands(mapping, record):
     """45 of 51 kPa, no softening: it comes down by a seventh of a cell and swings about that."""
     law = VonMises(overload.foundation.elastic, 10e3, 10e3, 0.0)
@@ -55,7 +63,7 @@ def test_below_its_capacity_it_stands(mapping, record):
     drift = abs(down[t > 0.9].mean() - down[(t > 0.6) & (t <= 0.9)].mean())
     record("15 strip at 45 of 51 kPa: drift in 0.3 s, of the settlement", mapping, drift / down.max())
     assert row["stopped"] is None
-    assert down.max() < 0.08
+    assert down.max() < (0.1 if mapping in LINEAR else 0.08)
     assert drift < 0.003
 
 

