@@ -38,11 +38,12 @@ def row(case, mapping, error=0.01, note=""):
 def test_a_letter_says_why_a_cell_is_a_failure_or_a_dash(monkeypatch):
     monkeypatch.setattr(table, "ABSENT", (("2 second", "DM FE", "not here"), ("2", "MPM", "never")))
     rows = [row("1 first", "FE", 2e-7), row("1 first", "MPM", 30.0, "lost"), row("1 first", "DM", None, "lost"),
-            row("2 second", "GIMP")]
+            row("2 second", "GIMP"), row("3 third", "FE", 0.9973)]
     assert table.markdown(rows).splitlines() == [
         "| case | FE | MPM | GIMP | DM |", "|---|---|---|---|---|",
         "| 1 first | 2e-07 | > 1000 % (a) |  | ∞ (a) |",
-        "| 2 second | – (b) | – (c) | 1 % | – (b) |", "",
+        "| 2 second | – (b) | – (c) | 1 % | – (b) |",
+        "| 3 third | 100 % |  |  |  |", "",
         "(a) lost  ", "(b) not here  ", "(c) never  "]
     assert ("1 first", "GIMP") in table.blanks(rows) and ("2 second", "MPM") not in table.blanks(rows)
 

@@ -24,7 +24,7 @@ ABSENT = (
     ("6 vibration, 10,000 steps: period, ", BUT_DM_GC, OPTION),
     ("7 ", "FE", FITS),
     ("8 block at 95 % of yield, softening, Courant 5, 300 steps", LINEAR, SHOWN),
-    ("8 the same, disturbed by 1 %, 300 steps", "MPM GIMP CMPM DM DM-G DM-C", OPTION),
+    ("8 block at 95 % of yield, softening, Courant 5, disturbed", "MPM GIMP CMPM DM DM-G DM-C", OPTION),
     ("8 ", "FE", FITS),
     ("9 S waves on dashpots, ν = 0.41, 60°, B-bar", AT_POINTS, B_BAR),
     *((f"9 {wave} waves on dashpots, ν = {case}°", LINEAR, SHOWN)

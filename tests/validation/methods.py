@@ -8,7 +8,6 @@ POINTS = (*MAPPINGS, DM_GCL)
 LINEAR = tuple(mapping for mapping in POINTS if not mapping.support)
 TILING = tuple(mapping for mapping in POINTS if mapping.support)
 
-
 FED = "linear stress is not the adjoint of composite strain: slow modes grow, by up to 3e-5 a step, free edges by more"
 NOT_DERIVED = "Newton's matrix (the mean of ∇N ∇N over support domains) is not its derivative"
 FLIES = "a single point flies off where points cross cells"

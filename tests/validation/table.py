@@ -61,8 +61,8 @@ def blanks(rows: list[dict]) -> list[tuple[str, str]]:
 
 def _cell(row: dict) -> tuple[str, str]:
     error = row["error"]
-    text = "∞" if error is None else f"{error:.0e}" if 0.0 < error < 1e-5 else f"{100 * error:.2g} %"
-    if error is not None and error >= 0.995:
+    text = "∞" if error is None else f"{error:.0e}" if 0.0 < error < 1e-5 else f"{float(f'{100 * error:.2g}'):g} %"
+    if error is not None and error >= 1.0:
         text = f"> {min(10 ** int(np.log10(error) + 1e-9), 1000):.0f}00 %"
     return (f"**FAILED** {text}", "") if row["result"] == "FAILED" else (text, row["note"])
 

@@ -154,7 +154,7 @@ def test_nor_does_it_in_300_steps(mapping, record):
 @over(DM_GC, DM_GCL)
 def test_nor_where_it_is_disturbed_by_one_percent(mapping, record):
     error, body = block(mapping, 5.0, 300, near_yield(500e3), disturbance=0.01)
-    record("8 the same, disturbed by 1 %, 300 steps", mapping, error.max())
+    record("8 block at 95 % of yield, softening, Courant 5, disturbed by 1 %, 300 steps", mapping, error.max())
     assert 1e-3 < error.max() < 0.01
     assert error[-50:].max() < 0.5 * error[:50].max()
     assert not body.history.any()

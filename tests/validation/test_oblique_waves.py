@@ -148,7 +148,6 @@ def test_what_shear_waves_lose_aslant_is_of_first_order_in_the_step_and_of_locki
             run.step()
         return 1 - energy.left[-1] / energy.left[0]
 
-    print(lost(), lost(0.25), lost(b_bar=True))
     assert lost() > 0.02
     assert lost(0.25) / lost() == pytest.approx(0.5, rel=0.1)
     assert lost(b_bar=True) < lost() / 4

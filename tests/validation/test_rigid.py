@@ -25,6 +25,7 @@ from mpm_fenicsx import (
 pytestmark = pytest.mark.validation
 
 SOIL, H = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25
+DISC = "7 disc of 4 cells' radius, a turn"
 GROWTH = "small strain: a turn by θ reads as 1 - cos θ of compression, relieved by growth of 2π²/N a turn in N steps"
 STIFFLESS = "few points in a cut cell leave the matrix nearly singular: the linear solver's 1e-11 comes back as 1e-7"
 
@@ -93,10 +94,10 @@ def test_a_disc_turns_once(mapping, record):
     """Stress stays of the size of ρω²R² = 1.2e-4 E; what a turn adds is growth, of first order in Δt."""
     spin, growth, stress, drift = np.array([turn(mapping, steps) for steps in (400, 800)]).T
     fed, stops = mapping is DM_GCL, mapping is CMPM
-    record("7 disc of 4 cells' radius, a turn in 400 steps: angular momentum", mapping, abs(spin[0]),
+    record(f"{DISC} in 400 steps: angular momentum", mapping, abs(spin[0]),
            UNSTABLE if stops else GROWTH)
-    record("7 the same: growth of the radius", mapping, growth[0], UNSTABLE if stops else GROWTH)
-    record("7 the same, or in 800 steps: stress/E", mapping, stress.max(), UNSTABLE if stops else FED if fed else "")
+    record(f"{DISC} in 400 steps: growth of the radius", mapping, growth[0], UNSTABLE if stops else GROWTH)
+    record(f"{DISC} in 400 or 800 steps: stress/E", mapping, stress.max(), UNSTABLE if stops else FED if fed else "")
     if stops:
         assert not np.isfinite(growth).any()
         return
