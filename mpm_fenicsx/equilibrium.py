@@ -211,11 +211,20 @@ class Equilibrium:
         return borne, self._norm() / size if size > 0.0 else 0.0
 
     @cached_property
+    def _body(self) -> list:
+        """The increment of internal force, but for what the law's ``add_force`` adds."""
+        work = self._parts[0] if self.yielding is None else self._parts[0] + self.yielding.work
+        return fenicsx.compile_form(work)
+
+    @cached_property
     def _forces(self) -> list:
-        body, *loads = self._parts
+        return [self._body, *(fenicsx.compile_form(form) for form in self._parts[1:])]
+
+    def add_foreseen(self, force: fem.Function) -> None:
+        """Add the increment of internal force at the motion's u (N) that the step was solved with."""
         if self.yielding is not None:
-            body = body + self.yielding.work
-        return [fenicsx.compile_form(form) for form in (body, *loads)]
+            self.yielding.add_force(force.x.array)
+        fenicsx.assemble_vector(force, self._body)
 
     def scale(self, internal: np.ndarray | None) -> float:
         """Size of the forces that are in equilibrium (N): loads and internal force, inertia left out."""

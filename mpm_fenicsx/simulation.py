@@ -15,8 +15,10 @@ from .finite_strain import finite_strain_of
 from .gauss import GaussPoints
 from .grid import Grid
 from .internal_force import ConstantStress, LinearStress
+from .kinematics import FINITE_STRAIN
 from .mapping import DM_GC
 from .mapping import Mapping as PointMapping
+from .mismatch import Mismatch
 from .motion import Motion
 from .newton import Newton
 from .partition import anywhere
@@ -44,13 +46,15 @@ class Simulation(Run):
     at the points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings only).
     ``reuse``: a cell's density and moduli, and with them its part of the matrix, stay as they are while they would
     change by less than that part (elastic bodies, one rank, DOLFINx 0.11; elsewhere nothing is kept).
+    ``balanced``: points go on with the acceleration that balances the stress they bear at the end of the step, not with
+    the one that the matrix of (7) foresees, which takes energy off waves (small strain, dynamics; see ``Mismatch``).
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
     def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
                  terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
                  sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
-                 b_bar: bool = False, reuse: float = 0.0):
+                 b_bar: bool = False, reuse: float = 0.0, balanced: bool = False):
         self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
         if not self.bodies:
             raise ValueError("points: there is no body")
@@ -80,12 +84,15 @@ class Simulation(Run):
         if reuse and (self.yielding is not None or self.equilibrium.update is None):
             raise ValueError(f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty")
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
+        if balanced and (not stepping.dynamic or any(b.material.kinematics is FINITE_STRAIN for b in self.bodies)):
+            raise ValueError("balanced is for dynamics and small strain")
         if stepping.dynamic:
             self.deposit = Deposit(motion, density, given.mass_dx, sweeps)
             for body in self.bodies:
                 for name in ("velocity", "acceleration"):
                     value = getattr(body, name)
                     setattr(body, name, np.zeros_like(body.x) if value is None else np.array(value, float))
+        self.mismatch = Mismatch(self.equilibrium, self.deposit) if balanced else None
 
     # -- the step -----------------------------------------------------------------------------------------------
 
@@ -152,9 +159,13 @@ class Simulation(Run):
             except ValueError as error:
                 message = f"{self._of[number]}{error}"
         self._stop_together(message)  # before anything has changed
-        for body, stencil, (gradient, stretches) in zip(self.bodies, self.stencils, found, strict=True):
+        stress = [body.stress for body in self.bodies]
+        for body, stencil, (gradient, _) in zip(self.bodies, self.stencils, found, strict=True):
             volumetric = stencil.mean_of_cells(self.gauss.mean_divergence(u)) if self.gauss is not None else None
             body.material.kinematics.respond(body, gradient, volumetric)
+        if self.mismatch is not None:
+            self.mismatch.correct(after, self.bodies, self.stencils, stress)
+        for body, stencil, (_, stretches) in zip(self.bodies, self.stencils, found, strict=True):
             if self.stepping.dynamic:
                 self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping)
             body.deform(stencil.at_points(u), *stretches)

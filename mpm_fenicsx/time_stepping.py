@@ -60,6 +60,11 @@ class Newmark:
         """Factors of u, v, a in the velocity and the acceleration of the balance: those at the end of the step."""
         return self.velocity, self.acceleration
 
+    @property
+    def inertia(self) -> float:
+        """What the acceleration at the end of the step weighs in the balance, its forces weighing 1."""
+        return self.balanced[1][0] / self.acceleration[0]
+
 
 @dataclass(frozen=True)
 class GeneralizedAlpha(Newmark):

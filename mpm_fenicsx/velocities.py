@@ -25,12 +25,14 @@ class Deposit:
         v += v₁ − M̄⁻¹M v
 
     with the consistent mass M, its row sums M̄ and v₁ the divided values takes some of it out.
+    ``mass`` (nodes,), kg, is the lumped one.
     """
 
     def __init__(self, motion: Motion, density, dx: ufl.Measure, sweeps: int):
         self.motion, self.sweeps = motion, whole("sweeps", sweeps, least=0)
         V = fenicsx.space(motion.grid.mesh, "Lagrange", 1, (1 + 2 * motion.grid.dim,))
         self._sums = fem.Function(V)  # mass, momentum, mass times acceleration
+        self.mass = np.zeros(motion.grid.nodes)
         if self.sweeps:
             self._smooth = fem.Function(V)
             self._averaging = fenicsx.compile_form(forms.inertia(density, self._sums, ufl.TestFunction(V)) * dx)
@@ -43,6 +45,7 @@ class Deposit:
         for body, stencil in zip(bodies, stencils, strict=True):
             stencil.deposit_motion(body.mass, body.velocity, body.acceleration, nodal)
         fenicsx.gather(self._sums)
+        self.mass[:] = nodal[:, 0]
         _divide(nodal)
         if self.sweeps:
             divided, smooth = nodal.copy(), self._smooth.x.array.reshape(nodal.shape)

@@ -4,7 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
-from conftest import LINES
+from hats import LINES
 
 from mpm_fenicsx import (
     DM_GC,

@@ -30,6 +30,7 @@ ABSENT = (
     ("8 block at 95 % of yield, softening, Courant 5, disturbed", "MPM GIMP CMPM DM DM-G DM-C", OPTION),
     ("8 ", "FE", FITS),
     ("9 S waves on dashpots, ν = 0.41, 60°, B-bar", AT_POINTS, B_BAR),
+    ("9 S waves on dashpots, ν = 0.41, 60°, balanced", f"FE {LINEAR}", OPTION),
     *((f"9 {wave} waves on dashpots, ν = {case}°", LINEAR, SHOWN)
       for wave in "PS" for case in ("0.25, 60", "0.41, 60", "0.41, up to 40")),
     ("10 Lamb, ν = 0.25, GhostPenalty", "FE", FITS),

@@ -1,0 +1,155 @@
+"""Points that go on with the acceleration which balances the stress they bear, not the one that the matrix foresees."""
+
+import sys
+from functools import partial
+from pathlib import Path
+
+import dense
+import numpy as np
+import pytest
+from dense import SOFT, SOIL
+
+from mpm_fenicsx import (
+    DM,
+    DM_C,
+    DM_G,
+    DM_GC,
+    GIMP,
+    MPM,
+    Energy,
+    Fixed,
+    GeneralizedAlpha,
+    Grid,
+    Hencky,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    Simulation,
+    Viscous,
+    VonMises,
+    flip,
+    tensors,
+    trapezoidal,
+)
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
+import amplification_map
+
+DIMS = pytest.mark.parametrize("dim", [2, 3], ids=["2D", "3D"])
+FACTOR = {"ksp_type": "preonly", "pc_type": "lu"}
+
+
+def free(dim, mapping, stepping=None, seed=1, **keywords):
+    """A body of random stress and motion on a grid with room; steps of 1 ms unless told."""
+    grid, stepping = dense.uneven(dim), stepping or Newmark(1e-3)
+    body = dense.random_body(grid, np.random.default_rng(seed), lambda x: x[0] < 0.8)
+    return Simulation(grid, body, stepping, [], mapping, solver=FACTOR, **keywords)
+
+
+@DIMS
+@pytest.mark.parametrize("mapping", [GIMP, DM, DM_G, DM_C, DM_GC], ids=str)
+@pytest.mark.parametrize("stepping", [Newmark(1e-3), GeneralizedAlpha(1e-3, 0.7)], ids=["Newmark", "generalised α"])
+def test_the_correction_is_what_the_force_lacks_over_the_lumped_mass(dim, mapping, stepping):
+    """Of two runs of a step from the same points: M̄ δa = -(ΔF - K u), by hand, and points take it all."""
+    plain, balanced = free(dim, mapping, stepping), free(dim, mapping, stepping, balanced=True)
+    for run in (plain, balanced):
+        run.step()
+    before = dense.random_body(plain.grid, np.random.default_rng(1), lambda x: x[0] < 0.8)
+    stencil, (body,) = plain.stencils[0], plain.bodies
+    mass, ΔF = np.zeros((plain.grid.nodes, 1)), np.zeros((plain.grid.nodes, dim))
+    stencil.deposit(before.mass[:, None], mass)
+    change = tensors.matrix(body.stress - before.stress, dim)
+    stencil.deposit_divergence(before.volume[:, None, None] * change, ΔF)
+    foreseen = dense.vector(plain.grid.space, plain.contributions[0].work).reshape(-1, dim)
+    lack = np.divide(foreseen - ΔF, mass, out=np.zeros_like(ΔF), where=mass > 0) / stepping.inertia
+    for name, by in (("acceleration", 1.0), ("velocity", stepping.gamma * stepping.dt)):
+        found = getattr(balanced.bodies[0], name) - getattr(body, name)
+        np.testing.assert_allclose(found, by * stencil.at_points(lack), rtol=0, atol=1e-9 * np.abs(found).max())
+        assert np.abs(found).max() > 0.0
+    assert np.array_equal(balanced.bodies[0].x, body.x)
+
+
+@DIMS
+@pytest.mark.parametrize("transfer", [trapezoidal, flip])
+@pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
+def test_momentum_of_a_free_body_stays(dim, mapping, transfer):
+    """Neither force has a sum: Σ m Δv = ½ Δt Σ m a, a those at the start; FLIP: Σ m Δv = ½ Δt (Σ m a) as well."""
+    run = free(dim, mapping, transfer=transfer, balanced=True)
+    body = run.bodies[0]
+    wanted = body.mass @ (body.velocity + 5e-4 * body.acceleration)
+    run.step()
+    np.testing.assert_allclose(body.mass @ body.velocity, wanted, rtol=0,
+                               atol=1e-11 * (body.mass @ np.abs(body.velocity)).max())
+
+
+def test_where_the_matrix_is_the_derivative_there_is_nothing_to_correct():
+    """Plain MPM's is."""
+    plain, balanced = free(2, MPM), free(2, MPM, balanced=True)
+    for run in (plain, balanced):
+        run.step()
+    for name in ("velocity", "acceleration", "stress"):
+        value = getattr(plain.bodies[0], name)
+        np.testing.assert_allclose(getattr(balanced.bodies[0], name), value, rtol=0, atol=1e-10 * np.abs(value).max())
+
+
+def standing(poisson, courant, balanced):
+    """Part of its energy that a standing shear wave of 20 cells a length loses in some steps, with DM-GC."""
+    soil, n = LinearElastic(20e6, poisson, 1500.0), 10
+    grid = Grid.box((0, 0), (1, 1), (n, n))
+    walls = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
+    body = MaterialPoints.fill(grid, soil, 4)
+    run = Simulation(grid, body, Newmark(courant / n / soil.s_speed), walls, DM_GC, balanced=balanced)
+    c, s = (f(np.pi * body.x.T) for f in (np.cos, np.sin))
+    body.velocity[:] = 1e-6 * soil.s_speed * np.stack((s[0] * c[1], -c[0] * s[1]), axis=1)
+    energy = run.record(Energy())
+    run.until(100 * run.stepping.dt)
+    return 1.0 - energy.left[-1] / energy.left[0]
+
+
+@pytest.mark.parametrize("poisson, courant, least", [(0.25, 0.5, 0.05), (0.41, 0.5, 0.1), (0.48, 0.5, 0.3),
+                                                     (0.41, 0.25, 0.025)])
+def test_a_shear_wave_keeps_the_energy_that_locking_of_the_matrix_took(poisson, courant, least):
+    """Of what it lost in 100 steps at least three quarters; Courant numbers are those of shear waves."""
+    plain, balanced = (standing(poisson, courant, b) for b in (False, True))
+    assert plain > least
+    assert abs(balanced) < plain / 4
+
+
+@pytest.mark.parametrize("mapping, courant", [(DM_GC, 0.5), (DM_GC, 2.0), (DM_G, 0.5), (DM_G, 5.0)], ids=str)
+def test_no_mode_of_a_free_bar_grows(mapping, courant, monkeypatch):
+    """Neither on nor off the grid lines; those of DM-GC did, by up to 7e-5 a step."""
+    def fastest(**keywords):
+        monkeypatch.setattr(amplification_map, "Simulation", partial(Simulation, **keywords))
+        runs = (amplification_map.bar(mapping, amplification_map.step_of(courant), offset=at) for at in (0.0, 0.3))
+        return max(np.abs(np.linalg.eigvals(amplification_map.StepMap(run).matrix)).max() for run in runs)
+
+    assert fastest(balanced=True) < 1.0 + (1e-5 if (mapping, courant) == (DM_GC, 0.5) else 1e-6)
+    if mapping is DM_GC:
+        assert fastest() > 1.0 + 2e-5
+
+
+def test_soil_that_does_not_yield_is_elastic_and_soil_that_does_is_corrected_too():
+    def pulled(law):
+        grid = Grid.box((0, 0), (4, 4), (4, 4))
+        body = MaterialPoints.fill(grid, law, 4, inside=lambda x: (x[0] > 1) & (x[1] > 1))
+        body.velocity = 0.2 * np.stack((body.x[:, 0] - 2.5, 2.5 - body.x[:, 1]), axis=1)
+        run = Simulation(grid, body, Newmark(5e-3), [Viscous(body.surface("left"), SOFT)], DM_GC, balanced=True)
+        run.until(0.05)
+        return body
+
+    strong, elastic = pulled(VonMises(SOFT, peak=1e9, residual=1e9, softening=0.0)), pulled(SOFT)
+    np.testing.assert_allclose(strong.stress, elastic.stress, rtol=0, atol=1e-9 * np.abs(elastic.stress).max())
+    weak = pulled(VonMises(SOFT, peak=1e4, residual=5e3, softening=1e4))
+    assert weak.history.max() > 0.0
+    assert np.isfinite(weak.velocity).all()
+
+
+def test_a_run_that_does_not_name_it_does_not_pay_for_it_and_what_cannot_have_it_is_refused():
+    assert free(2, DM_GC).mismatch is None
+    with pytest.raises(ValueError, match="balanced"):
+        free(2, DM_GC, QuasiStatic(2), balanced=True)
+    grid = dense.uneven(2)
+    body = MaterialPoints.fill(grid, Hencky(SOIL.young, SOIL.poisson, SOIL.density), 4)
+    with pytest.raises(ValueError, match="balanced"):
+        Simulation(grid, body, Newmark(1e-3), [], balanced=True)
