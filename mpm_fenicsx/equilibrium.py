@@ -73,7 +73,8 @@ class Equilibrium:
         if self.motion.region.follows:  # PETSc drops entries that the first assembly leaves out
             fenicsx.assemble_matrix(self.matrix, self._tangent, [])
             self.matrix.assemble()
-        self._diagonal, self._plain = self.matrix.createVecs()
+        self._diagonal = self.matrix.createVecLeft()
+        self._plain = None if self.update is None else self.matrix.createVecLeft()
         self.part = Part(self.matrix)
 
     def assemble_tangent(self) -> None:
@@ -86,7 +87,8 @@ class Equilibrium:
             return
         A = self.matrix
         A.getDiagonal(self._diagonal)
-        self._diagonal.copy(self._plain)
+        if self._plain is not None:
+            self._diagonal.copy(self._plain)
         d = self._diagonal.array
         free = ~self.fixed[: self._owned]
         largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
