@@ -44,8 +44,8 @@ class Simulation(Run):
     ``Deposit``), 0 for division by the lumped mass alone, as in the paper; ``solver``: PETSc options.
     ``newton``: when to stop where a body can yield.  ``b_bar``: volume changes by the mean of cells, on the grid and
     at the points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings only).
-    ``reuse``: a cell's density and moduli, and with them its part of the matrix, stay as they are while they would
-    change by less than that part (elastic bodies, one rank, DOLFINx 0.11; elsewhere nothing is kept).
+    ``reuse``: a cell's density, moduli and part of the matrix stay as they are while they would change by less than
+    that part (elastic bodies, one rank, DOLFINx 0.11; else nothing is kept); a restart is one to round-off then.
     ``balanced``: points go on with the acceleration that balances the stress they bear at the end of the step, not with
     the one that the matrix of (7) foresees, which takes energy off waves (small strain, dynamics; see ``Mismatch``).
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
