@@ -88,12 +88,6 @@ def test_the_ground_floor_knows_neither_dolfinx_nor_mpi(module):
     assert not imports(module)[1] & PARALLEL
 
 
-@pytest.mark.parametrize("module", sorted(FILES))
-def test_a_file_holds_one_idea(module):
-    lines = len(FILES[module].read_text().splitlines())
-    assert lines < 250, f"{FILES[module].name} has {lines} lines: it holds two ideas, name them"
-
-
 @pytest.mark.parametrize("module", sorted(set(FILES) - {"fenicsx", "equilibrium"}))
 def test_versions_of_dolfinx_show_in_two_modules_only(module):
     text = FILES[module].read_text()
