@@ -68,7 +68,7 @@ class Simulation(Run):
         motion = self.motion = Motion(grid, stepping)
         self.cells = [enter(body, grid) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
-        self.composite = Composite(grid) if mapping.composite else None
+        self.composites = [Composite(grid) for _ in self.bodies] if mapping.composite else []
         self.stress = LinearStress(grid) if mapping.linear else ConstantStress(grid)
         reuse = reuse if motion.region.follows else 0.0
         given = self.properties = Properties(motion, mapping, self.bodies, self.stencils, reuse)
@@ -122,12 +122,15 @@ class Simulation(Run):
                 message = f"{self._of[number]}material point {lost[0]} at x={body.x[lost[0]]} lies {where}"
                 cell[lost] = np.maximum(cell[lost], 0)  # whence to walk, should they be put back
         self._stop_together(message)
-        self._held[:] = 0
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             stencil.place(body.x, body.half, cell)
+        for composite, cell in zip(self.composites, self.cells, strict=False):
+            self._held[:] = 0
             self._held[cell] = 1
-        if self.composite:
-            self.composite.place(self.grid.share_cells(self._held))
+            composite.place(self.grid.share_cells(self._held))
+        self._held[:] = 0
+        for cell in self.cells:
+            self._held[cell] = 1
 
     def project(self) -> None:
         """Density and Lamé's constants of the points onto the grid's discontinuous fields."""
@@ -151,9 +154,9 @@ class Simulation(Run):
         before, after = ((motion.nodal(motion.v), motion.nodal(motion.a)), motion.end()) \
             if self.stepping.dynamic else (None, None)
         message, found = None, []
-        for number, (body, cell, stencil) in enumerate(zip(self.bodies, self.cells, self.stencils, strict=True)):
+        for number, (body, stencil) in enumerate(zip(self.bodies, self.stencils, strict=True)):
             smooth = stencil.gradient_at_points(u)
-            gradient = self.composite.gradient_at_points(body.x, cell, u) if self.composite else smooth
+            gradient = self._recover(number, u) if self.composites else smooth
             try:
                 found.append((gradient, body.stretches(gradient, smooth)))
             except ValueError as error:
@@ -239,8 +242,8 @@ class Simulation(Run):
 
     def _recover(self, number: int, u: np.ndarray) -> np.ndarray:
         """Displacement gradients (n, dim, dim) that a body takes from nodal u."""
-        if self.composite:
-            return self.composite.gradient_at_points(self.bodies[number].x, self.cells[number], u)
+        if self.composites:
+            return self.composites[number].gradient_at_points(self.bodies[number].x, self.cells[number], u)
         return self.stencils[number].gradient_at_points(u)
 
     def _stop_together(self, message: str | None) -> None:
