@@ -2,6 +2,7 @@
 
 from mpi4py import MPI as _MPI  # noqa: F401  before dolfinx: it loads the MPI library of the wheel
 
+from .acceleration_correction import AccelerationCorrection
 from .checkpoint import Checkpoint
 from .contact import Contact
 from .failure import RunError
@@ -11,6 +12,7 @@ from .grid import Grid
 from .mapping import CMPM, DM, DM_C, DM_G, DM_GC, DM_GCL, GIMP, MAPPINGS, MPM, Mapping
 from .materials import Hencky, LinearElastic, VonMises
 from .newton import Newton
+from .options import PAPER, InitialAcceleration
 from .output import Snapshots
 from .points import MaterialPoints, SurfacePoints
 from .recorders import Energy, Probe
@@ -20,8 +22,8 @@ from .time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .velocities import flip, trapezoidal
 
 __all__ = [
-    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "DM_GCL", "GIMP", "MAPPINGS", "MPM", "Checkpoint", "Contact", "DeadLoad",
-    "Energy", "FiniteElements", "Fixed", "GeneralizedAlpha", "GhostPenalty", "Gravity", "Grid", "Hencky",
-    "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation",
+    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "DM_GCL", "GIMP", "MAPPINGS", "MPM", "PAPER", "AccelerationCorrection",
+    "Checkpoint", "Contact", "DeadLoad", "Energy", "FiniteElements", "Fixed", "GeneralizedAlpha", "GhostPenalty",
+    "Gravity", "Grid", "Hencky", "InitialAcceleration", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation",
     "Snapshots", "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "VonMises", "flip", "trapezoidal",
 ]

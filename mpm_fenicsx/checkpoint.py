@@ -89,7 +89,7 @@ def restart(run, path: str | os.PathLike) -> None:
     run.restore({name: kept[f"run/{name}"] for name in run.state()})
     for label, recorder in recorders.items():
         recorder.restore(_below(f"recorders/{label}/", kept))
-    run.steps = steps
+    run.resume(steps)
 
 
 def _read(path: Path) -> tuple[int, list[dict[str, np.ndarray]]]:

@@ -73,6 +73,17 @@ class Contact(Run):
 
     # -- the step ---------------------------------------------------------------------------------------------------
 
+    def begin(self) -> None:
+        """Before the first step: each body alone."""
+        for run in self.runs:
+            run.begin()
+
+    def change_step(self, stepping: Newmark | QuasiStatic) -> None:
+        """Go on with another step, all bodies."""
+        super().change_step(stepping)
+        for run in self.runs:
+            run.change_step(stepping)
+
     def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
         """Solve each body's motion alone, then for the forces between them."""
         for run in self.runs:
@@ -160,7 +171,7 @@ class Contact(Run):
     def state(self) -> dict[str, np.ndarray]:
         """What the next step depends on, by name; not copied."""
         found = {f"runs/{k}/{name}": value for k, run in enumerate(self.runs) for name, value in run.state().items()}
-        return {**found, **{f"contact/{name}": λ for name, λ in self.gaps.state().items()}}
+        return {"clock": self._clock, **found, **{f"contact/{name}": λ for name, λ in self.gaps.state().items()}}
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one."""
@@ -171,7 +182,7 @@ class Contact(Run):
         """Go on from the step of a checkpoint; recorders on the bodies' own runs are not part of it."""
         super().restart(path)
         for run in self.runs:
-            run.steps = self.steps
+            run.resume(self.steps)
 
     def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
         """Places (n, dim) of all runs' points, one run after the other, and their values."""

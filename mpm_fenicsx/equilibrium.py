@@ -23,6 +23,8 @@ from .yielding import Yielding
 
 IDLE = 1e-20  # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of 1e-18
 
+LOOSE = 1e-2  # relative tolerance that no response is solved with less than
+
 
 class Equilibrium:
     """R(u) = 0 with the derivative K of the residual R; each solve starts from u = 0.
@@ -129,16 +131,62 @@ class Equilibrium:
         ``reassemble`` K first; without it K at u = 0 is taken to be that of the last step.
         Raises ``SolverError`` if PETSc or Newton does not converge.
         """
-        self.motion.clear()
-        if self.yielding is not None:
-            self.yielding.clear()
+        self._clear()
         if reassemble or self._bent:
             self.assemble_tangent()
             self._bent = False
-        first = self.refresh(internal)
+        self._first = self.refresh(internal)
         self.correct()
         if self.yielding is not None:
-            self.newton.iterate(self, internal, first)
+            self.newton.iterate(self, internal, self._first)
+
+    def initial_acceleration(self, internal: np.ndarray | None = None) -> np.ndarray:
+        """Nodal accelerations (dofs,), m/s², that loads, ``internal`` force (dofs,), N, and dashpots ask for at the
+        start of the step, and that of nodes whose acceleration is known.
+
+        M a = P - F - Z v is the balance of a step so short that stiffness does not count, with its own forms.
+        """
+        motion = self.motion
+        with motion.vanishing_step() as factor:
+            self._clear()
+            for known in motion.moved:
+                motion.u.x.array[known.dofs] = known.before[1] / factor
+            self.assemble_tangent()
+            self.refresh(internal)
+            self.correct()
+        self._bent = True
+        if self.update is not None:
+            self.update.forget()
+        found = factor * motion.u.x.array
+        motion.u.x.array[:] = 0.0
+        return found
+
+    def _clear(self) -> None:
+        self.motion.clear()
+        if self.yielding is not None:
+            self.yielding.clear()
+
+    def response(self, force: np.ndarray, share: float = 0.0) -> np.ndarray:
+        """K⁻¹ of a force (dofs,), N, zero at fixed dofs, with K as it was last solved with.
+
+        It need not be more exact than the step, whose first residual was larger; ``share`` (-): nor than that part of
+        itself.  The motion stays as it is.
+        """
+        if not force.any() and self.motion.grid.comm.size == 1:
+            return np.zeros_like(force)
+        r = self.force.x.array
+        r[:] = force
+        r[self.fixed] = 0.0
+        r[: self._owned][self.idle] = 0.0
+        size, tolerances = self._norm(), self.ksp.getTolerances()
+        if size > 0.0:
+            loose = max(share, tolerances[0] * max(self._first / size, 1.0))
+            self.ksp.setTolerances(min(loose, LOOSE), *tolerances[1:])
+        try:
+            self._solve()
+        finally:
+            self.ksp.setTolerances(*tolerances)
+        return self.increment.x.array.copy()
 
     def bend(self) -> None:
         """K at the motion's u."""
@@ -161,10 +209,15 @@ class Equilibrium:
         np.negative(r, out=r)
         r[self.fixed] = 0.0
         r[: self._owned][self.idle] = 0.0
-        return self._norm() if self.yielding is not None else 0.0
+        return self._norm()
 
     def correct(self) -> None:
-        """Add K⁻¹ of the residual to the motion's u; where the solver is ours and fails, by a full factor."""
+        """Add K⁻¹ of the residual to the motion's u."""
+        self._solve()
+        self.motion.u.x.array[:] += self.increment.x.array
+
+    def _solve(self) -> None:
+        """K⁻¹ of the residual, as ``increment``; where the solver is ours and fails, by a full factor."""
         reason = self._run(self.ksp)
         if reason < 0 and self._can_rescue:
             if self._rescue is None:
@@ -177,7 +230,6 @@ class Equilibrium:
                               f"{self.largest()}")
         self.part.give(self.increment.x.array[: self._owned])
         fenicsx.share(self.increment)
-        self.motion.u.x.array[:] += self.increment.x.array
 
     def largest(self) -> str:
         """Where the residual is largest, or not a number, in words; the same on all ranks."""
@@ -224,6 +276,8 @@ class Equilibrium:
 
     def add_foreseen(self, force: fem.Function) -> None:
         """Add the increment of internal force at the motion's u (N) that the step was solved with."""
+        if self.yielding is not None and self.newton.tolerance is None:
+            self.yielding.clear()  # one solve: the response as it is linear about the start, at this u
         if self.yielding is not None:
             self.yielding.add_force(force.x.array)
         fenicsx.assemble_vector(force, self._body)

@@ -17,6 +17,7 @@ from .grid import Grid
 from .kinematics import FINITE_STRAIN
 from .motion import Motion
 from .newton import Newton
+from .options import InitialAcceleration
 from .run import Run
 from .scene import Scene
 from .terms import elastic_work, elasticity, inertia
@@ -30,7 +31,8 @@ class FiniteElements(Run):
     At small strain the tangent does not change, so it is assembled and factored once; ``reassemble`` does it every
     step, as a material point run must, for a fair clock.  ``solver``: PETSc options.  ``b_bar``: volume changes by the
     cell's mean, which cures locking where ν comes near ½ or flow keeps the volume.  ``start``: the run whose state
-    this one goes on from, at time 0 again; a quasi-static one is at rest.
+    this one goes on from, at time 0 again; a quasi-static one is at rest.  ``initial_acceleration``: that of the
+    balance of forces at the start, unless nodes have one, or zero.
     """
 
     bodies = ()  # no material points
@@ -38,9 +40,11 @@ class FiniteElements(Run):
     def __init__(self, grid: Grid, material, stepping: Newmark | QuasiStatic, terms: Sequence,
                  reassemble: bool = False, newton: Newton | None = None,
                  solver: Mapping[str, object] | None = None, b_bar: bool = False,
-                 start: FiniteElements | None = None):
+                 start: FiniteElements | None = None,
+                 initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED):
         super().__init__("FE", grid, stepping, terms)
         self.material, self.b_bar = material, b_bar
+        self.initial_acceleration = initial_acceleration
         self.reassemble = reassemble or material.kinematics is FINITE_STRAIN
         motion = self.motion = Motion(grid, stepping)
         self.displacement = fem.Function(grid.space, name="displacement")
@@ -70,11 +74,24 @@ class FiniteElements(Run):
             return None
         return YieldingElements(self.motion, GaussPoints(self.grid, self.b_bar), self.material)
 
+    def begin(self) -> None:
+        """Before the first step: the acceleration of the balance of forces, unless one is given."""
+        motion = self.motion
+        there = self.stepping.dynamic and self.grid.comm.allreduce(int(motion.a.x.array.any()))
+        if not self.stepping.dynamic or there or self.initial_acceleration is InitialAcceleration.ZERO:
+            return
+        self.scene.prepare(self.time, self.time)
+        motion.know_start(motion.nodal(motion.v), motion.nodal(motion.a))
+        motion.a.x.array[:] = self.equilibrium.initial_acceleration()
+
     def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
         """Solve for the displacement from ``start`` to ``end`` (s)."""
-        reassemble = self.reassemble or stepping != self.motion.stepping
-        self.motion.use(stepping)
+        motion = self.motion
+        reassemble = self.reassemble or stepping != motion.stepping
+        motion.use(stepping)
         self.scene.prepare(start, end)
+        if stepping.dynamic:
+            motion.know_start(motion.nodal(motion.v), motion.nodal(motion.a))
         self.equilibrium.solve(reassemble=reassemble)
 
     def carry(self) -> None:

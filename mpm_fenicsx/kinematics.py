@@ -27,6 +27,11 @@ class SmallStrain:
             strain = tensors.dilate(strain, volumetric)
         body.stress, body.history = body.material.respond(strain, body.stress, body.history, body.size)
 
+    def change(self, before: np.ndarray, after: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """What the step has changed of stress (n, dim, dim), Pa, per volume before it; rows (n, components) before and
+        after."""
+        return tensors.matrix(after - before, gradient.shape[1])
+
     def energy(self, body) -> float:
         """Strain energy (J)."""
         return float(body.volume @ body.material.energy(body.stress))
@@ -71,6 +76,11 @@ class FiniteStrain:
         out = np.empty((m, tensors.components(dim))), np.empty((m, dim)), np.empty((m, dim, dim))
         logarithmic.trial(gradient, *state, at, of, SHEAR[dim], *out)
         return out
+
+    def change(self, before: np.ndarray, after: np.ndarray, gradient: np.ndarray) -> np.ndarray:
+        """The same of the first Piola-Kirchhoff stress, σ J f⁻ᵀ after the step, f the step's own deformation."""
+        dim = gradient.shape[1]
+        return tensors.matrix(after, dim) @ tensors.cofactor(gradient) - tensors.matrix(before, dim)
 
     def energy(self, body) -> float:
         """Strain energy (J): that of τ per volume at rest."""

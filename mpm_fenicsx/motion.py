@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -11,6 +14,25 @@ from .grid import Grid
 from .kernels import jit
 from .region import Region
 from .time_stepping import Newmark, QuasiStatic
+
+VANISHING = 1e-16
+"""Of the step: its square is so small that stiffness is nothing beside inertia, up to Courant numbers of 1e3."""
+
+
+class KnownMotion:
+    """Motion of nodes that is given: what ``prescribed`` says of them, step by step.
+
+    ``dofs`` (n,): which; ``increment`` (m) of the step; ``before`` and ``after`` it (2,), velocity (m/s) and
+    acceleration (m/s²).
+    """
+
+    def __init__(self, dofs: np.ndarray, prescribed):
+        self.dofs, self.prescribed = dofs, prescribed
+        self.increment, self.before, self.after = 0.0, np.zeros(2), np.zeros(2)
+
+    def prepare(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
+        """Bring it to the step from ``start`` to ``end`` (s)."""
+        self.increment, self.before[:], self.after[:] = self.prescribed.step(start, end, stepping)
 
 
 class Motion:
@@ -25,7 +47,8 @@ class Motion:
         self.grid, self.stepping, self.region = grid, stepping, Region(grid)
         self.u = fem.Function(grid.space, name="displacement")
         self.w = ufl.TestFunction(grid.space)
-        self.moved: list[tuple[np.ndarray, np.ndarray]] = []  # dofs whose displacement in the step is given, and it
+        self.at_rest: list[np.ndarray] = []  # dofs that do not move
+        self.moved: list[KnownMotion] = []
         if stepping.dynamic:
             self.v = fem.Function(grid.space, name="velocity")
             self.a = fem.Function(grid.space, name="acceleration")
@@ -53,11 +76,34 @@ class Motion:
         """Values of a vector field, a view (nodes, dim)."""
         return f.x.array.reshape(-1, self.grid.dim)
 
+    @contextmanager
+    def vanishing_step(self) -> Iterator[float]:
+        """Within, forms are those of a step so short that inertia alone resists: u times the number given is the
+        acceleration at its end, and velocity is that before it."""
+        factor, known = 1.0 / (VANISHING * self.stepping.dt**2), 1.0 + self.stepping.start
+        self._factors[0].value[:] = 0.0, known, 0.0
+        self._factors[1].value[:] = factor, 0.0, 0.0
+        yield factor / known
+        self.use(self.stepping)
+
+    def know_start(self, v: np.ndarray, a: np.ndarray) -> None:
+        """Give nodal velocity and acceleration (nodes, dim) before the step what is known of them."""
+        self._know(v, a, [known.before for known in self.moved])
+
+    def _know(self, v: np.ndarray, a: np.ndarray, of_moved: list[np.ndarray]) -> None:
+        for dofs in self.at_rest:
+            node, component = np.divmod(dofs, self.grid.dim)
+            v[node, component] = a[node, component] = 0.0
+        for known, (velocity, acceleration) in zip(self.moved, of_moved, strict=True):
+            node, component = np.divmod(known.dofs, self.grid.dim)
+            v[node, component], a[node, component] = velocity, acceleration
+
     def end(self) -> tuple[np.ndarray, np.ndarray]:
         """Nodal velocity and acceleration (nodes, dim) at the end of the step."""
         u, v, a = self.nodal(self.u), self.nodal(self.v), self.nodal(self.a)
         found = np.empty_like(u), np.empty_like(u)
         _affine(self.stepping.velocity, self.stepping.acceleration, u, v, a, *found)
+        self._know(*found, [known.after for known in self.moved])
         return found
 
     def state(self) -> dict[str, np.ndarray]:
@@ -68,8 +114,8 @@ class Motion:
     def clear(self) -> None:
         """Start a step: no displacement yet but the given one."""
         self.u.x.array[:] = 0.0
-        for dofs, by in self.moved:
-            self.u.x.array[dofs] = by
+        for known in self.moved:
+            self.u.x.array[known.dofs] = known.increment
 
     def share(self) -> None:
         """Give the increment to the ghosts."""

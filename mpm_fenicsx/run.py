@@ -25,20 +25,57 @@ class Run(Statics):
     """Steps in time and calls recorders after each step."""
 
     def __init__(self, name: str, grid: Grid, stepping: Newmark | QuasiStatic, terms: Sequence):
-        self.name, self.grid, self.stepping, self.terms = name, grid, stepping, list(terms)
+        self.name, self.grid, self.terms = name, grid, list(terms)
+        self._stepping = stepping
+        self._clock = np.zeros(2)  # steps and time (s) at which the present step came into use
+        self._begun = False
         self.steps = 0
         self.recorders: list[Callable] = []
         self.collectors: list = []
 
     @property
+    def stepping(self) -> Newmark | QuasiStatic:
+        """The rule and the length of the step; ``change_step`` changes them."""
+        return self._stepping
+
+    @stepping.setter
+    def stepping(self, value) -> None:
+        raise AttributeError(f"stepping is not to be assigned, for time would jump: use run.change_step({value!r})")
+
+    def change_step(self, stepping: Newmark | QuasiStatic) -> None:
+        """Go on with another step from the time reached; what the run remembers stays.
+
+        Raises ``ValueError`` where inertia would come or go, or forces at the start of a step weigh otherwise
+        (``GeneralizedAlpha.start``): that takes another run.
+        """
+        now = self.stepping
+        if not isinstance(stepping, (Newmark, QuasiStatic)):
+            raise ValueError(f"stepping must be a Newmark, GeneralizedAlpha or QuasiStatic, got {stepping!r}")
+        if (stepping.dynamic, stepping.start) != (now.dynamic, now.start):
+            raise ValueError(f"stepping: a run with {now} cannot go on with {stepping}; make another run of its points")
+        self._clock[:] = self.steps, self.time
+        self._stepping = stepping
+
+    @property
     def time(self) -> float:
         """Time reached (s; load parameter when quasi-static)."""
-        return self.steps * self.stepping.dt
+        return self._time_of(self.steps)
 
     @property
     def next_time(self) -> float:
         """Time at the end of the step to come."""
-        return (self.steps + 1) * self.stepping.dt
+        return self._time_of(self.steps + 1)
+
+    def _time_of(self, steps: int) -> float:
+        return float(self._clock[1] + (steps - self._clock[0]) * self.stepping.dt)
+
+    def begin(self) -> None:
+        """What is to be done once, before the first step."""
+
+    def _begin_once(self) -> None:
+        if not self._begun:
+            self.begin()
+            self._begun = True
 
     def step(self) -> None:
         """One step of length ``stepping.dt``.
@@ -46,6 +83,7 @@ class Run(Statics):
         Raises ``RunError`` naming step and time; what is recorded stays, and the state is that of the last whole step.
         """
         with self.reported():
+            self._begin_once()
             self.advance(self.time, self.next_time)
         self.finish()
 
@@ -112,9 +150,8 @@ class Run(Statics):
 
     def state(self) -> dict[str, np.ndarray]:
         """The arrays, by name, that the next step depends on: those the run works with, not copies."""
-        surfaces = {f"surfaces/{k}/{name}": value for k, patch in enumerate(self.scene.patches.values())
-                    for name, value in patch.state().items()}
-        return {**{f"motion/{name}": value for name, value in self.motion.state().items()}, **surfaces}
+        return {"clock": self._clock, **{f"motion/{name}": value for name, value in self.motion.state().items()},
+                **self.scene.state()}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Take the values of ``state`` in place of the present ones."""
@@ -141,9 +178,13 @@ class Run(Statics):
         """
         restart(self, path)
 
+    def resume(self, steps: int) -> None:
+        """The state is that after so many steps."""
+        self.steps, self._begun = steps, steps > 0
+
     def until(self, t: float, progress: Callable[[int], None] | None = None) -> None:
         """Step until time ``t`` (s); ``progress`` is called with the number of steps done."""
-        last = round(finite("t", t) / self.stepping.dt)
+        last = self.steps + round((finite("t", t) - self.time) / self.stepping.dt)
         while self.steps < last:
             self.step()
             if progress is not None:

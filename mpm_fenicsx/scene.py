@@ -13,6 +13,7 @@ from .loads import Load, as_load
 from .motion import Motion
 from .partition import anywhere
 from .patches import patch
+from .prescribed import Prescribed
 
 
 @dataclass
@@ -41,6 +42,7 @@ class Scene:
     lame: tuple = ()
     body_force: Callable | None = None
     fixed: list = field(default_factory=list)
+    prescribed: list[Prescribed] = field(default_factory=list)
     before: list[Callable[[float, float], None]] = field(default_factory=list)
     patches: dict[int, object] = field(default_factory=dict)
     loads: list[Load] = field(default_factory=list)
@@ -64,6 +66,8 @@ class Scene:
         """
         for load in self.loads:
             load.fault = None
+        for known in self.motion.moved:
+            known.prepare(start, end, self.motion.stepping)
         for p in self.patches.values():
             p.prepare(start, end)
         for refresh in self.before:
@@ -78,6 +82,12 @@ class Scene:
             p.mark(cells)
 
     def carry(self) -> None:
-        """After the step: surfaces move, springs remember."""
-        for p in self.patches.values():
+        """After the step: surfaces move, springs remember, records go on."""
+        for p in (*self.patches.values(), *self.prescribed):
             p.carry()
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Arrays of surfaces and records that a restart needs, by name; not copied."""
+        kinds = {"surfaces": self.patches.values(), "prescribed": self.prescribed}
+        return {f"{kind}/{k}/{name}": value for kind, parts in kinds.items()
+                for k, part in enumerate(parts) for name, value in part.state().items()}

@@ -85,11 +85,11 @@ class Stencil:
         kernels.scatter_divergence(grid.axes, self.reach, grid.lattice.around, self.first, self.line, self.slope,
                                    stress, nodal)
 
-    def at_points(self, nodal: np.ndarray) -> np.ndarray:
-        """Nodal values (nodes, f) at the points (n, f)."""
-        grid, out = self.grid, np.empty((len(self), nodal.shape[1]))
-        kernels.interpolate(grid.axes, self.reach, once(nodal.shape[1]), grid.lattice.around, self.first, self.line,
-                            nodal, out)
+    def at_points(self, nodal: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Nodal values (nodes, f) at the points (n, f), or at ``rows`` of them."""
+        grid, first, line = self.grid, self.first[rows], self.line[rows]
+        out = np.empty((len(first), nodal.shape[1]))
+        kernels.interpolate(grid.axes, self.reach, once(nodal.shape[1]), grid.lattice.around, first, line, nodal, out)
         return out
 
     def gradient_at_points(self, nodal: np.ndarray) -> np.ndarray:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from .acceleration_correction import AccelerationCorrection, correction_of
 from .checks import finite
 from .composite import Composite
 from .entry import enter
@@ -14,13 +16,13 @@ from .failure import RunError
 from .finite_strain import finite_strain_of
 from .gauss import GaussPoints
 from .grid import Grid
+from .interfaces import warn_of_interfaces
 from .internal_force import ConstantStress, LinearStress
-from .kinematics import FINITE_STRAIN
 from .mapping import DM_GC
 from .mapping import Mapping as PointMapping
-from .mismatch import Mismatch
 from .motion import Motion
 from .newton import Newton
+from .options import InitialAcceleration, chosen_correction, chosen_sweeps, courant_number, take_up_rate
 from .partition import anywhere
 from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
@@ -30,7 +32,7 @@ from .scene import Scene
 from .shapes import Stencil
 from .terms import elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
-from .velocities import Deposit, trapezoidal
+from .velocities import Deposit, KnownVelocity, trapezoidal
 from .yielding import Yielding, YieldingPoints
 from .yielding_at_points import YieldingAtPoints
 
@@ -41,20 +43,24 @@ class Simulation(Run):
     ``points``: one body or several; ``stepping``: Newmark or QuasiStatic; ``terms``: boundaries and loads;
     ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take velocities from the grid;
     ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass in the deposit of velocities (see
-    ``Deposit``), 0 for division by the lumped mass alone, as in the paper; ``solver``: PETSc options.
+    ``Deposit``), 0 for division by the lumped mass alone, as in the paper; by default chosen by the Courant number.
+    ``correction``: what the mismatch of (7) and the points' own force changes the acceleration by; by default
+    implicit where points have support domains (see ``AccelerationCorrection``).
+    ``initial_acceleration``: that of the balance of forces, unless the points bring one, or zero as in the paper.
+    ``solver``: PETSc options.  ``print(run)`` says what was chosen.
     ``newton``: when to stop where a body can yield.  ``b_bar``: volume changes by the mean of cells, on the grid and
     at the points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings only).
     ``reuse``: a cell's density, moduli and part of the matrix stay as they are while they would change by less than
     that part (elastic bodies, one rank, DOLFINx 0.11; else nothing is kept); a restart is one to round-off then.
-    ``balanced``: points go on with the acceleration that balances the stress they bear at the end of the step, not with
-    the one that the matrix of (7) foresees, which takes energy off waves (small strain, dynamics; see ``Mismatch``).
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
     def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
                  terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
-                 sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
-                 b_bar: bool = False, reuse: float = 0.0, balanced: bool = False):
+                 sweeps: int | None = None, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
+                 b_bar: bool = False, reuse: float = 0.0, balanced: bool | None = None,
+                 correction: AccelerationCorrection | None = None,
+                 initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED):
         self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
         if not self.bodies:
             raise ValueError("points: there is no body")
@@ -84,17 +90,62 @@ class Simulation(Run):
         if reuse and (self.yielding is not None or self.equilibrium.update is None):
             raise ValueError(f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty")
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
-        if balanced and (not stepping.dynamic or any(b.material.kinematics is FINITE_STRAIN for b in self.bodies)):
-            raise ValueError("balanced is for dynamics and small strain")
+        self.initial_acceleration, self._unmoved = initial_acceleration, []
+        correction = self._asked_correction(correction, balanced)
+        self.correction_kind = chosen_correction(mapping, stepping) if correction is None else correction
+        self.courant_number = courant_number(grid, self.bodies, stepping)
+        self.correction = None
+        known = stepping.dynamic and (motion.at_rest or motion.moved)
+        self.supports = KnownVelocity(motion, take_up_rate(self.courant_number)) if known else None
         if stepping.dynamic:
+            self._chooses_sweeps = sweeps is None
+            sweeps = chosen_sweeps(mapping, self.correction_kind, self.courant_number) if sweeps is None else sweeps
             self.deposit = Deposit(motion, density, given.mass_dx, sweeps)
+            self._unmoved = [body for body in self.bodies if body.acceleration is None]
             for body in self.bodies:
                 for name in ("velocity", "acceleration"):
                     value = getattr(body, name)
                     setattr(body, name, np.zeros_like(body.x) if value is None else np.array(value, float))
-        self.mismatch = Mismatch(self.equilibrium, self.deposit) if balanced else None
+            self.correction = correction_of(self.correction_kind, self.equilibrium, self.deposit)
+
+    def _asked_correction(self, correction: AccelerationCorrection | None,
+                          balanced: bool | None) -> AccelerationCorrection | None:
+        if balanced is not None:
+            warnings.warn("balanced is now correction=AccelerationCorrection.LUMPED or OFF; the default, IMPLICIT, "
+                          "loses less and grows nowhere that LUMPED does not", DeprecationWarning, stacklevel=3)
+            correction = AccelerationCorrection.LUMPED if balanced else AccelerationCorrection.OFF
+        if correction in (AccelerationCorrection.LUMPED, AccelerationCorrection.IMPLICIT) and not self.stepping.dynamic:
+            raise ValueError(f"correction is of accelerations, and {self.stepping} has none, got {correction}")
+        return correction
+
+    def __str__(self) -> str:
+        """What the run is made of, what was chosen for it, and what it therefore pays for."""
+        points = " + ".join(str(len(body)) for body in self.bodies)
+        lines = [f"{self.name} on {self.grid.cells} cells in {self.grid.dim}D, {points} material points",
+                 f"step: {self.stepping}"]
+        if self.stepping.dynamic:
+            lines += [f"Courant number of P waves: {self.courant_number:.3g}",
+                      f"acceleration corrected: {self.correction_kind.value}; sweeps: {self.deposit.sweeps}"
+                      + (" (chosen by the Courant number)" if self._chooses_sweeps else ""),
+                      f"initial acceleration: {self.initial_acceleration.value}"]
+        lines += [f"term: {type(term).__name__}" for term in self.terms]
+        lines += [f"prescribed motion: {motion.description}" for motion in self.scene.prescribed]
+        return "\n".join(lines)
 
     # -- the step -----------------------------------------------------------------------------------------------
+
+    def begin(self) -> None:
+        """Before the first step: doubts are said, and points that bring no acceleration take that of the balance."""
+        warn_of_interfaces(self.grid, self.bodies, self.cells)
+        unmoved = [body for body in self._unmoved if not body.acceleration.any()]
+        if not self.grid.comm.allreduce(len(unmoved)) or self.initial_acceleration is InitialAcceleration.ZERO:
+            return
+        self.prepare(self.time, self.time)
+        self.predict()
+        nodal = self.equilibrium.initial_acceleration(self._internal_force()).reshape(-1, self.grid.dim)
+        for body, stencil in zip(self.bodies, self.stencils, strict=True):
+            if any(body is one for one in unmoved):
+                body.acceleration[:] = stencil.at_points(nodal)
 
     def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
         """Solve for the grid's motion from ``start`` to ``end`` (s); points stay where they are."""
@@ -162,15 +213,19 @@ class Simulation(Run):
             except ValueError as error:
                 message = f"{self._of[number]}{error}"
         self._stop_together(message)  # before anything has changed
-        stress = [body.stress for body in self.bodies]
+        before_step = [body.stress for body in self.bodies]
         for body, stencil, (gradient, _) in zip(self.bodies, self.stencils, found, strict=True):
             volumetric = stencil.mean_of_cells(self.gauss.mean_divergence(u)) if self.gauss is not None else None
             body.material.kinematics.respond(body, gradient, volumetric)
-        if self.mismatch is not None:
-            self.mismatch.correct(after, self.bodies, self.stencils, stress)
+        if self.correction is not None:
+            changes = [body.material.kinematics.change(stress, body.stress, gradient) for body, stress, (gradient, _)
+                       in zip(self.bodies, before_step, found, strict=True)]
+            self.correction.correct(after, self.bodies, self.stencils, changes)
         for body, stencil, (_, stretches) in zip(self.bodies, self.stencils, found, strict=True):
             if self.stepping.dynamic:
                 self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping)
+            if self.supports is not None:
+                self.supports.take_up(body.velocity, stencil, after[0])
             body.deform(stencil.at_points(u), *stretches)
         self.scene.carry()
         self.collect()

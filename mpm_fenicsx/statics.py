@@ -27,6 +27,7 @@ class Statics:
         """
         self._at_rest("settle")
         tolerance, steps = positive("tolerance", tolerance), whole("steps", steps)
+        self._begin_once()
         found = [self.balance()[1]]
         while not found[-1] <= tolerance:
             if len(found) > steps:

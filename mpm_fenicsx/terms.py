@@ -15,8 +15,9 @@ from . import forms
 from .checks import finite, one_of, positive
 from .grid import GridSurface
 from .loads import combined
-from .motion import Motion
+from .motion import KnownMotion, Motion
 from .points import SurfacePoints
+from .prescribed import AccelerationRecord, Displacement, Prescribed, WholeMotion
 from .scene import Contribution, Scene
 
 Surface = GridSurface | SurfacePoints
@@ -50,39 +51,71 @@ def elasticity(scene: Scene, dx: ufl.Measure, λ, μ, before=None, b_bar: bool =
 
 @dataclass(frozen=True)
 class Fixed:
-    """No displacement of ``components`` ("x", "xy", …; all by default) on facets of the grid, or ``value`` of t (m).
+    """No displacement of ``components`` ("x", "xy", …; all by default) on facets of the grid, or a given motion.
 
-    The nodes of a material point run's grid move by what ``value`` changes in the step and are then where they were,
+    The motion, functions of t (s), is one of
+
+    - ``value``, a displacement (m): velocity and acceleration are derived from it by differences over the step;
+    - ``value`` with its ``velocity`` (m/s) and ``acceleration`` (m/s²): all three are taken as they are;
+    - ``acceleration`` alone, a record: integrated by the rule of the run, from rest at the start.
+
+    Nodes of known motion have known velocity and acceleration, whatever the points around deposit there.
+    The nodes of a material point run's grid move by the increment of the step and are then where they were,
     so that there it serves small settlements.  The work of what is moved is not among the recorder Energy's.
-    Raises ``ValueError`` for surface points (they have no nodes of their own) or a component that is not there.
+    Raises ``ValueError`` for surface points (they have no nodes of their own), a component that is not there, or
+    another set of functions.
     """
 
     on: GridSurface
     components: str | None = None
     value: Callable[[float], float] | None = None
+    velocity: Callable[[float], float] | None = None
+    acceleration: Callable[[float], float] | None = None
 
     def bind(self, scene: Scene) -> Contribution:
         """Add Dirichlet conditions to the scene."""
         if not isinstance(self.on, GridSurface):
             raise ValueError(f"Fixed acts on facets of the grid, got {type(self.on).__name__}")
+        prescribed = self._prescribed(scene.motion.stepping.dynamic)
         grid = scene.grid
         if self.on.grid is not grid:
             raise ValueError(f"on: the facets {self.on.names} belong to another grid")
         axes = "xyz"[: grid.dim]
-        moved = np.zeros(1)
-        if self.value is not None:
-            self._at(0.0)
-            scene.before.append(lambda start, end: np.copyto(moved, self._at(end) - self._at(start)))
         for c in self.components or axes:
             V = grid.space.sub(axes.index(one_of("components", c, axes)))
             dofs = fem.locate_dofs_topological(V, grid.dim - 1, self.on.facets)
             scene.fixed.append(fem.dirichletbc(np.array(0.0), dofs, V))
-            if self.value is not None:
-                scene.motion.moved.append((dofs, moved))
+            if prescribed is None:
+                scene.motion.at_rest.append(dofs)
+            else:
+                scene.motion.moved.append(KnownMotion(dofs, prescribed))
+        if prescribed is not None:
+            scene.prescribed.append(prescribed)
         return Contribution()
 
-    def _at(self, t: float) -> float:
-        return finite("value of Fixed", self.value(t))
+    def _prescribed(self, dynamic: bool) -> Prescribed | None:
+        """The motion given, or None for no motion."""
+        names = [name for name in ("value", "velocity", "acceleration") if getattr(self, name) is not None]
+        functions = {name: partial(self._at, name) for name in names}
+        for function in functions.values():
+            function(0.0)
+        match names:
+            case []:
+                return None
+            case ["value"]:
+                return Displacement(functions["value"])
+            case ["value", "velocity", "acceleration"]:
+                return WholeMotion(*functions.values())
+            case ["acceleration"] if dynamic:
+                return AccelerationRecord(functions["acceleration"])
+            case ["acceleration"]:
+                raise ValueError("acceleration of Fixed is for dynamics: in a quasi-static run give value, "
+                                 "a displacement (m) of the load parameter")
+        raise ValueError(f"Fixed takes value, or value with velocity and acceleration, or acceleration alone, got "
+                         f"{' and '.join(names)}")
+
+    def _at(self, name: str, t: float) -> float:
+        return finite(f"{name} of Fixed", getattr(self, name)(t))
 
 
 @dataclass(frozen=True)

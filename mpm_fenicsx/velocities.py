@@ -24,7 +24,8 @@ class Deposit:
 
         v += v₁ − M̄⁻¹M v
 
-    with the consistent mass M, its row sums M̄ and v₁ the divided values takes some of it out.
+    with the consistent mass M, its row sums M̄ and v₁ the divided values takes some of it out.  Nodes of known motion
+    have what is known, whatever points deposit there.
     ``mass`` (nodes,), kg, is the lumped one.
     """
 
@@ -47,16 +48,48 @@ class Deposit:
         fenicsx.gather(self._sums)
         self.mass[:] = nodal[:, 0]
         _divide(nodal)
+        velocity, acceleration = nodal[:, 1 : 1 + grid.dim], nodal[:, 1 + grid.dim :]
+        divided = nodal.copy() if self.sweeps else nodal
+        self.motion.know_start(velocity, acceleration)
         if self.sweeps:
-            divided, smooth = nodal.copy(), self._smooth.x.array.reshape(nodal.shape)
+            smooth = self._smooth.x.array.reshape(nodal.shape)
             nodal[:, 0] = 1.0
             for _ in range(self.sweeps):
                 smooth[:] = 0.0
                 fenicsx.assemble_vector(self._smooth, self._averaging)
                 fenicsx.gather(self._smooth)
                 _sharpen(divided, smooth, nodal)
-        self.motion.nodal(self.motion.v)[:] = nodal[:, 1 : 1 + grid.dim]
-        self.motion.nodal(self.motion.a)[:] = nodal[:, 1 + grid.dim :]
+                self.motion.know_start(velocity, acceleration)
+        self.motion.nodal(self.motion.v)[:] = velocity
+        self.motion.nodal(self.motion.a)[:] = acceleration
+
+
+class KnownVelocity:
+    """Points at nodes of known motion take up the velocity there.
+
+    Their own goes on by accelerations, and those of such nodes are known: what a point had of velocity when it came
+    to a wall, or when its base set off, it would keep for ever.  So, component by component,
+
+        v_p -= r w_p (v_p - Σ_i S_ip v_i),    w_p = Σ_i S_ip over nodes i of known motion,
+
+    which leaves a velocity that is linear in space as it is.  ``rate`` r, 0 to 1: all of it at once takes energy off
+    waves at a support, so that it is shared out over a few times that a wave takes through a cell.
+    """
+
+    def __init__(self, motion: Motion, rate: float):
+        grid, self.rate = motion.grid, rate
+        self.known = np.zeros((grid.nodes, grid.dim))
+        for dofs in (*motion.at_rest, *(known.dofs for known in motion.moved)):
+            self.known.reshape(-1)[dofs] = 1.0
+        at = self.known.any(axis=1)[grid.lattice.nodes].any(axis=1)
+        self._near = grid.lattice.spread(at)  # support domains reach into the next cell
+
+    def take_up(self, velocity: np.ndarray, stencil: Stencil, end: np.ndarray) -> None:
+        """Change velocities (n, dim) of the points of a stencil; ``end`` (nodes, dim): those at the end of the step."""
+        rows = np.flatnonzero(self._near[stencil.cell])
+        if len(rows):
+            share = self.rate * stencil.at_points(self.known, rows)
+            velocity[rows] -= share * (velocity[rows] - stencil.at_points(end, rows))
 
 
 @jit

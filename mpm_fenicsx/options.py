@@ -1,0 +1,65 @@
+"""What a run is told, and what it chooses by its scene where it is told nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from enum import Enum
+
+from mpi4py import MPI
+
+from .acceleration_correction import AccelerationCorrection
+from .grid import Grid
+from .mapping import DM_GC, Mapping
+from .points import MaterialPoints
+from .projection import DOUBLE_MAPPED
+from .time_stepping import Newmark, QuasiStatic
+
+SHORT = 1.0 + 1e-9
+"""Courant number up to which two sweeps are taken: above, they feed what crosses cells more than they save of waves
+(studies/numerical_damping.py)."""
+
+TRANSITS = 4.0
+
+
+class InitialAcceleration(Enum):
+    """The acceleration that a dynamic run starts with, where points or nodes bring none.
+
+    ``BALANCED``: that of the balance of forces at the start, which Newmark's rule is of second order with; ``ZERO``:
+    the paper's, with which a load that is there from the start loses half of its first step.
+    """
+
+    BALANCED = "balanced"
+    ZERO = "zero"
+
+
+PAPER = {"mapping": replace(DM_GC, mass=DOUBLE_MAPPED), "sweeps": 0, "correction": AccelerationCorrection.OFF,
+         "initial_acceleration": InitialAcceleration.ZERO}
+"""Keywords of ``Simulation`` for the step of Do et al. (2023) to the letter, the start included."""
+
+
+def courant_number(grid: Grid, bodies: Sequence[MaterialPoints], stepping: Newmark | QuasiStatic) -> float:
+    """c_p Δt / h of the fastest P wave and the smallest cell; zero where there is no inertia.  Collective."""
+    if not stepping.dynamic:
+        return 0.0
+    extent = (grid.lattice.upper - grid.lattice.lower).min(initial=float("inf"))
+    smallest = grid.comm.allreduce(float(extent), op=MPI.MIN)
+    return max(body.material.p_speed for body in bodies) * stepping.dt / smallest
+
+
+def chosen_correction(mapping: Mapping, stepping: Newmark | QuasiStatic) -> AccelerationCorrection:
+    """Implicit in dynamics where points have support domains, off elsewhere."""
+    implicit = stepping.dynamic and mapping.support
+    return AccelerationCorrection.IMPLICIT if implicit else AccelerationCorrection.OFF
+
+
+def chosen_sweeps(mapping: Mapping, correction: AccelerationCorrection, courant: float) -> int:
+    """Two for short steps that are corrected, with integrals at Gauss points; one for others."""
+    corrected = correction is AccelerationCorrection.IMPLICIT and mapping.integrate is DOUBLE_MAPPED
+    return 2 if corrected and courant <= SHORT else 1
+
+
+def take_up_rate(courant: float) -> float:
+    """Part of what points at supports have of strange velocity that they give up in a step: all of it within some
+    ``TRANSITS`` times that a P wave takes through a cell."""
+    return min(1.0, courant / TRANSITS)
