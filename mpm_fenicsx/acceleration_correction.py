@@ -37,6 +37,7 @@ class Correction:
 
     def __init__(self, equilibrium: Equilibrium):
         self._equilibrium = equilibrium
+        equilibrium.foresee()
         self._force = fem.Function(equilibrium.motion.grid.space)
 
     def correct(self, end: tuple[np.ndarray, np.ndarray], bodies: Sequence[MaterialPoints],

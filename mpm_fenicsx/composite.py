@@ -9,10 +9,10 @@ from .kernels import jit
 
 
 class Composite:
-    """Gradients from composite patches of up to four nodes (CMPM), for the points of one body.
+    """Gradients from composite patches of up to four nodes (CMPM), for the points of one material.
 
     The derivative along a direction is that of the Lagrange polynomial through the nodes of the cell and of those
-    neighbours along it that hold points of the same body, at the cell's rows of nodes; between the rows it is linear.
+    neighbours along it that hold points of the same material, at the cell's rows of nodes; between the rows it is linear.
     Strain jumps where two materials meet, and a polynomial through cells of both is wrong by construction.  With
     polynomials across as well (a tensor product) a free body gains energy, and is less accurate: see
     studies/composite_across.py.  Coefficients belong to the cell and are refreshed only where the patch has changed.
@@ -24,7 +24,7 @@ class Composite:
         self.power = np.zeros((grid.cells, grid.dim, 4, 4))
 
     def place(self, filled: np.ndarray) -> None:
-        """Refresh for the cells that hold points of the body, ``filled`` (cells,) of 0 and 1."""
+        """Refresh for the cells that hold points of the material, ``filled`` (cells,) of 0 and 1."""
         lat = self.grid.lattice
         coefficients(filled, lat.neighbour, lat.lower, lat.upper, self.extent, self.power)
 

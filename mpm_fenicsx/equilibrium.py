@@ -140,11 +140,9 @@ class Equilibrium:
         if self.yielding is not None:
             self.newton.iterate(self, internal, self._first)
 
-    def initial_acceleration(self, internal: np.ndarray | None = None) -> np.ndarray:
-        """Nodal accelerations (dofs,), m/s², that loads, ``internal`` force (dofs,), N, and dashpots ask for at the
-        start of the step, and that of nodes whose acceleration is known.
-
-        M a = P - F - Z v is the balance of a step so short that stiffness does not count, with its own forms.
+    def initial_acceleration(self) -> np.ndarray:
+        """Nodal accelerations (dofs,), m/s², of the balance of forces at the start of the step, M a = P - F - Z v, and
+        of nodes whose acceleration is known: those of a step so short that stiffness does not count, by its own forms.
         """
         motion = self.motion
         with motion.vanishing_step() as factor:
@@ -152,26 +150,29 @@ class Equilibrium:
             for known in motion.moved:
                 motion.u.x.array[known.dofs] = known.before[1] / factor
             self.assemble_tangent()
-            self.refresh(internal)
+            self.refresh(None)
             self.correct()
         self._bent = True
-        if self.update is not None:
-            self.update.forget()
         found = factor * motion.u.x.array
         motion.u.x.array[:] = 0.0
         return found
+
+    def initial_force(self, internal: np.ndarray) -> np.ndarray:
+        """P - F - Z v (dofs,), N, at the start of the step; ``internal`` (dofs,), N, as in ``solve``."""
+        with self.motion.vanishing_step():
+            self._clear()
+            self.motion.u.x.array[:] = 0.0
+            self.refresh(internal)
+        return self.force.x.array / self._known
 
     def _clear(self) -> None:
         self.motion.clear()
         if self.yielding is not None:
             self.yielding.clear()
 
-    def response(self, force: np.ndarray, share: float = 0.0) -> np.ndarray:
-        """K⁻¹ of a force (dofs,), N, zero at fixed dofs, with K as it was last solved with.
-
-        It need not be more exact than the step, whose first residual was larger; ``share`` (-): nor than that part of
-        itself.  The motion stays as it is.
-        """
+    def response(self, force: np.ndarray) -> np.ndarray:
+        """K⁻¹ of a force (dofs,), N, zero at fixed dofs, with K as it was last solved with, and as exact as that was:
+        relative to the first residual of the step.  The motion stays as it is."""
         if not force.any() and self.motion.grid.comm.size == 1:
             return np.zeros_like(force)
         r = self.force.x.array
@@ -180,11 +181,14 @@ class Equilibrium:
         r[: self._owned][self.idle] = 0.0
         size, tolerances = self._norm(), self.ksp.getTolerances()
         if size > 0.0:
-            loose = max(share, tolerances[0] * max(self._first / size, 1.0))
+            loose = tolerances[0] * max(self._first / size, 1.0)
             self.ksp.setTolerances(min(loose, LOOSE), *tolerances[1:])
+        preconditioner = self.ksp.getPC()
+        preconditioner.setReusePreconditioner(True)  # scaling the matrix twice makes PETSc think that it has changed
         try:
             self._solve()
         finally:
+            preconditioner.setReusePreconditioner(False)
             self.ksp.setTolerances(*tolerances)
         return self.increment.x.array.copy()
 
@@ -273,6 +277,10 @@ class Equilibrium:
     @cached_property
     def _forces(self) -> list:
         return [self._body, *(fenicsx.compile_form(form) for form in self._parts[1:])]
+
+    def foresee(self) -> None:
+        """Compile what ``add_foreseen`` wants, which else its first call does."""
+        _ = self._body
 
     def add_foreseen(self, force: fem.Function) -> None:
         """Add the increment of internal force at the motion's u (N) that the step was solved with."""

@@ -74,7 +74,7 @@ class Simulation(Run):
         motion = self.motion = Motion(grid, stepping)
         self.cells = [enter(body, grid) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
-        self.composites = [Composite(grid) for _ in self.bodies] if mapping.composite else []
+        self.composites = self._composite_patches() if mapping.composite else []
         self.stress = LinearStress(grid) if mapping.linear else ConstantStress(grid)
         reuse = reuse if motion.region.follows else 0.0
         given = self.properties = Properties(motion, mapping, self.bodies, self.stencils, reuse)
@@ -118,6 +118,14 @@ class Simulation(Run):
             raise ValueError(f"correction is of accelerations, and {self.stepping} has none, got {correction}")
         return correction
 
+    def _composite_patches(self) -> list[Composite]:
+        """One for each body; bodies of one material share theirs."""
+        patches: list[Composite] = []
+        for n, body in enumerate(self.bodies):
+            like = next((m for m in range(n) if self.bodies[m].material == body.material), None)
+            patches.append(Composite(self.grid) if like is None else patches[like])
+        return patches
+
     def __str__(self) -> str:
         """What the run is made of, what was chosen for it, and what it therefore pays for."""
         points = " + ".join(str(len(body)) for body in self.bodies)
@@ -142,7 +150,8 @@ class Simulation(Run):
             return
         self.prepare(self.time, self.time)
         self.predict()
-        nodal = self.equilibrium.initial_acceleration(self._internal_force()).reshape(-1, self.grid.dim)
+        force = self.equilibrium.initial_force(self._internal_force())
+        nodal = self.deposit.acceleration(force.reshape(-1, self.grid.dim))
         for body, stencil in zip(self.bodies, self.stencils, strict=True):
             if any(body is one for one in unmoved):
                 body.acceleration[:] = stencil.at_points(nodal)
@@ -175,9 +184,10 @@ class Simulation(Run):
         self._stop_together(message)
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             stencil.place(body.x, body.half, cell)
-        for composite, cell in zip(self.composites, self.cells, strict=False):
+        for composite in dict.fromkeys(self.composites):
             self._held[:] = 0
-            self._held[cell] = 1
+            for cell in (cell for one, cell in zip(self.composites, self.cells, strict=True) if one is composite):
+                self._held[cell] = 1
             composite.place(self.grid.share_cells(self._held))
         self._held[:] = 0
         for cell in self.cells:

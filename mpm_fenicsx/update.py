@@ -74,10 +74,6 @@ class Update:
         self._domains[:] = [(mark, self.cells) for mark in self._marks]
         fenicsx.assemble_matrix(A, self._form, bcs)
 
-    def forget(self) -> None:
-        """The matrix is another one."""
-        self._stepping = None
-
     def remember(self) -> None:
         """The matrix is that of the fields as they are."""
         self._stepping, self.cells = self.motion.stepping, self.motion.region.cells

@@ -47,8 +47,22 @@ class Deposit:
             stencil.deposit_motion(body.mass, body.velocity, body.acceleration, nodal)
         fenicsx.gather(self._sums)
         self.mass[:] = nodal[:, 0]
+        velocity, acceleration = self._divided(nodal)
+        self.motion.nodal(self.motion.v)[:] = velocity
+        self.motion.nodal(self.motion.a)[:] = acceleration
+
+    def acceleration(self, force: np.ndarray) -> np.ndarray:
+        """Nodal accelerations (nodes, dim) of forces (nodes, dim), N, by the same mass and sweeps."""
+        nodal = self._sums.x.array.reshape(len(force), -1)
+        nodal[:] = 0.0
+        nodal[:, 0], nodal[:, 1 + self.motion.grid.dim :] = self.mass, force
+        return self._divided(nodal)[1].copy()
+
+    def _divided(self, nodal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and acceleration (nodes, dim) of ``nodal`` mass, momentum and mass times acceleration."""
+        dim = self.motion.grid.dim
         _divide(nodal)
-        velocity, acceleration = nodal[:, 1 : 1 + grid.dim], nodal[:, 1 + grid.dim :]
+        velocity, acceleration = nodal[:, 1 : 1 + dim], nodal[:, 1 + dim :]
         divided = nodal.copy() if self.sweeps else nodal
         self.motion.know_start(velocity, acceleration)
         if self.sweeps:
@@ -60,8 +74,7 @@ class Deposit:
                 fenicsx.gather(self._smooth)
                 _sharpen(divided, smooth, nodal)
                 self.motion.know_start(velocity, acceleration)
-        self.motion.nodal(self.motion.v)[:] = velocity
-        self.motion.nodal(self.motion.a)[:] = acceleration
+        return velocity, acceleration
 
 
 class KnownVelocity:

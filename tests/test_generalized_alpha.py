@@ -105,7 +105,7 @@ def test_one_element_follows_the_matrix_step_by_step(ρ, w, courant):
 
     step = GeneralizedAlpha(courant * 0.5 / SOIL.p_speed, ρ, w)
     run, ω, ξ, mass = one_element(step, load)
-    dt, αf, known = step.dt, alphas(ρ, w)[1], np.zeros(3)
+    dt, αf, known = step.dt, alphas(ρ, w)[1], np.array([0.0, 0.0, step.dt**2 * load(0.0) / mass])
     A, b = amplification(ω * dt, ρ, w, ξ)
     for n in range(40):
         run.step()

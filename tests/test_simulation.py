@@ -12,10 +12,12 @@ from mpm_fenicsx import (
     GIMP,
     MAPPINGS,
     MPM,
+    AccelerationCorrection,
     FiniteElements,
     Fixed,
     Gravity,
     Grid,
+    InitialAcceleration,
     LinearElastic,
     MaterialPoints,
     Newmark,
@@ -28,6 +30,7 @@ from mpm_fenicsx import (
     trapezoidal,
 )
 
+ZERO = InitialAcceleration.ZERO
 DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
 CONTIGUOUS = (GIMP, DM_G, DM_GC)
 
@@ -201,8 +204,8 @@ def test_a_full_grid_starts_like_finite_elements(dim, mapping):
     body = dense.tiles(grid, np.random.default_rng(6))
     terms = [Fixed(grid.facets("left"), "x"), Viscoelastic(grid.facets("bottom"), dense.SOFT, 2.0),
              Traction(grid.facets("top"), lambda t, x: 1e3 * x), Gravity((1.0,) * dim)]
-    points = Simulation(grid, body, Newmark(1e-3), terms, mapping, solver=DIRECT)
-    twin = FiniteElements(grid, dense.SOIL, Newmark(1e-3), terms)
+    points = Simulation(grid, body, Newmark(1e-3), terms, mapping, solver=DIRECT, initial_acceleration=ZERO)
+    twin = FiniteElements(grid, dense.SOIL, Newmark(1e-3), terms, initial_acceleration=ZERO)
     points.step()
     twin.step()
     u = twin.motion.u.x.array
@@ -226,7 +229,7 @@ class Counting:
         return getattr(self.ksp, name)
 
 
-def full_scene(stepping, mapping=DM_GC):
+def full_scene(stepping, mapping=DM_GC, **keywords):
     grid = dense.uneven(2)
     inside = {"inside": lambda x: x[0] > 0.3}
     body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.2, **inside)
@@ -235,16 +238,18 @@ def full_scene(stepping, mapping=DM_GC):
              Traction(grid.facets("top"), lambda t: (0.0, -1e3 * t))]
     if stepping.dynamic:
         terms.append(Viscoelastic(grid.facets("right"), dense.SOFT, 2.0))
-    return Simulation(grid, body, stepping, terms, mapping)
+    return Simulation(grid, body, stepping, terms, mapping, **keywords)
 
 
-@pytest.mark.parametrize("stepping", [Newmark(1e-4), QuasiStatic(4)], ids=["dynamic", "static"])
-def test_a_linear_scene_solves_once_a_step(stepping):
-    run = full_scene(stepping)
+@pytest.mark.parametrize(("stepping", "keywords", "solves"), [
+    (QuasiStatic(4), {}, 1), (Newmark(1e-4), {"correction": AccelerationCorrection.OFF}, 1), (Newmark(1e-4), {}, 2),
+], ids=["static", "dynamic", "corrected"])
+def test_a_linear_scene_solves_once_a_step_and_once_to_correct_it(stepping, keywords, solves):
+    run = full_scene(stepping, **keywords)
     run.equilibrium.ksp = Counting(run.equilibrium.ksp)
     for step in range(1, 4):
         run.step()
-        assert run.equilibrium.ksp.solves == step
+        assert run.equilibrium.ksp.solves == step * solves
 
 
 @pytest.mark.parametrize("stepping", [Newmark(1e-4), QuasiStatic(4)], ids=["dynamic", "static"])
