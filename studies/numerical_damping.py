@@ -11,8 +11,8 @@ and what their own force and that of the step's matrix, eq. (7), differ by.  Mea
     crossing  the same while points cross 0.3 cells a step
     cost      a step over that of the default, in turns, on 96 × 64 cells with 24,576 points
 
-Writes results/numerical_damping.json after every variant, and .png; what is in the file for this DOLFINx is not
-measured again, but for the cost.  To try another step, add a line to ``VARIANTS``.
+Writes results/numerical_damping.json now and then, and .png; what is in the file for this DOLFINx is not measured
+again, but for the cost.  To try another step, add a line to ``VARIANTS``.
 
     OMP_NUM_THREADS=1 python studies/numerical_damping.py                       everything, 20 minutes
     OMP_NUM_THREADS=1 python studies/numerical_damping.py --again "DM-GC, b_bar"    that variant anew
@@ -276,10 +276,14 @@ def main(arguments=None) -> list[dict]:
     again = [] if chosen.again is None else chosen.again or list(VARIANTS)
     book = Book(chosen.results / "numerical_damping.json", again)
     names = [name for name in VARIANTS if name in QUICK or not chosen.quick]
-    for name in names:
-        due = [case for case in cases(name, chosen.quick) if labels_of(case[0]) not in book.rows]
-        for labels, how in track(due, name, disable=not due):
+    todo = [case for name in names for case in cases(name, chosen.quick) if labels_of(case[0]) not in book.rows]
+    todo.sort(key=lambda case: (case[0]["measure"] == "far", case[0].get("cells", 0)))  # the long ones last
+    try:
+        for number, (labels, how) in enumerate(track(todo, "waves and growth")):
             book.measure(labels, how)
+            if number % 100 == 99:
+                book.write()
+    finally:
         book.write()
     points = {name: VARIANTS[name] for name in names if VARIANTS[name] is not None}
     cell, rounds = (0.25, 2) if chosen.quick else (0.0625, 12)
