@@ -7,9 +7,13 @@ of them are the nodal values
 
 so that (f, v, a) before and after are one matrix T, whatever the mapping: what points hold beyond it never acts.
 Each column is a real ``Simulation.step`` of points that hold its nodal values; their places are put back.
+
+Scenes take the body's ``material`` and any option of ``Simulation``.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -20,26 +24,33 @@ NEUTRAL = 1e-6  # eigenvalues so near 1 (rigid motion) and -1 (velocities on rol
 soil, h = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25
 
 
-def bar(mapping, stepping, cells=12, fixed=False, viscous=False, offset=0.0, sweeps=1) -> Simulation:
+def at_rest(body: MaterialPoints) -> MaterialPoints:
+    """The body with velocity and acceleration of its own, zero, so that no run takes a start for it."""
+    body.velocity, body.acceleration = np.zeros_like(body.x), np.zeros_like(body.x)
+    return body
+
+
+def bar(mapping, stepping, cells=12, fixed=False, viscous=False, offset=0.0, material=soil, **options) -> Simulation:
     """A bar between rollers, its left end free, fixed or on dashpots, ``offset`` cells off the grid lines."""
     room = 0 if fixed else 2
     grid = Grid.box((-room * h, 0), ((cells + 2) * h, h), (cells + 2 + room, 1))
-    body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x[0] > 0) & (x[0] < cells * h))
+    body = at_rest(MaterialPoints.fill(grid, material, 4, inside=lambda x: (x[0] > 0) & (x[0] < cells * h)))
     body.x[:, 0] += offset * h
     terms = [Fixed(grid.facets("bottom", "top"), "y")]
     terms += [Fixed(grid.facets("left"), "x")] if fixed else []
-    terms += [Viscous(body.surface("left"), soil)] if viscous else []
-    return Simulation(grid, body, stepping, terms, mapping, sweeps=sweeps, solver=FACTOR)
+    terms += [Viscous(body.surface("left"), material)] if viscous else []
+    return Simulation(grid, body, stepping, terms, mapping, solver=FACTOR, **options)
 
 
-def block(mapping, stepping, cells=(4, 3), viscous=False, offset=0.0, sweeps=1) -> Simulation:
+def block(mapping, stepping, cells=(4, 3), viscous=False, offset=0.0, material=soil, **options) -> Simulation:
     """A block, free all round or on dashpots, ``offset`` cells off the grid lines both ways."""
     nx, ny = cells
     grid = Grid.box((-2 * h, -2 * h), ((nx + 3) * h, (ny + 3) * h), (nx + 5, ny + 5))
-    body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: ((x > 0) & (x.T < np.array(cells) * h).T).all(axis=0))
+    body = at_rest(MaterialPoints.fill(grid, material, 4,
+                                       inside=lambda x: ((x > 0) & (x.T < np.array(cells) * h).T).all(axis=0)))
     body.x += offset * h
-    terms = [Viscous(body.surface("bottom"), soil)] if viscous else []
-    return Simulation(grid, body, stepping, terms, mapping, sweeps=sweeps, solver=FACTOR)
+    terms = [Viscous(body.surface("bottom"), material)] if viscous else []
+    return Simulation(grid, body, stepping, terms, mapping, solver=FACTOR, **options)
 
 
 class StepMap:
@@ -54,7 +65,7 @@ class StepMap:
             (self.body, ("x", "half", "volume")),
             *((patch.points, ("x", "normal", "area")) for patch in run.scene.patches.values())) for name in names]
         self.plane = [0, 1, 3]  # xx, yy, xy
-        c, ρ = soil.p_speed, soil.density
+        c, ρ = self.body.material.p_speed, self.body.material.density
         self.units = ρ * c**2, c, c / run.stepping.dt
         run.prepare(0.0, run.stepping.dt)
         free, force, deposit = ~run.equilibrium.fixed, [], []
@@ -109,21 +120,23 @@ class StepMap:
         return np.stack([self.step(z) for z in np.eye(n)], axis=1)
 
 
-def crossing(mapping, stepping, speed=0.3, steps=10, cells=8) -> np.ndarray:
+def crossing(mapping, stepping, speed=0.3, steps=10, cells=8, material=soil, change: Callable = lambda run: run,
+             **options) -> np.ndarray:
     """Product of the maps of so many steps of a free bar that moves ``speed`` cells each, as a whole number of cells in
     all, so that it begins anew: stress, velocity and acceleration along it, of two rows of points that are alike.
 
-    Stress zero before: then displacement has no part in it.
+    Stress zero before: then displacement has no part in it.  ``change``: what is done to the run before its steps.
     """
     way = round(speed * steps)
     grid = Grid.box((-3 * h, 0), ((cells + way + 4) * h, h), (cells + way + 7, 1))
-    body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x[0] > 0) & (x[0] < cells * h))
-    run = Simulation(grid, body, stepping, [Fixed(grid.facets("bottom", "top"), "y")], mapping, solver=FACTOR)
+    body = at_rest(MaterialPoints.fill(grid, material, 4, inside=lambda x: (x[0] > 0) & (x[0] < cells * h)))
+    terms = [Fixed(grid.facets("bottom", "top"), "y")]
+    run = change(Simulation(grid, body, stepping, terms, mapping, solver=FACTOR, **options))
     start = {name: getattr(body, name).copy() for name in ("x", "half", "volume")}
     column = np.unique(body.x[:, 0].round(9), return_inverse=True)[1]
     first = np.unique(column, return_index=True)[1]
-    c, tiny = soil.p_speed, 1e-9
-    units = {"stress": tiny * soil.density * c**2, "velocity": tiny * c, "acceleration": tiny * c / stepping.dt}
+    c, tiny = material.p_speed, 1e-9
+    units = {"stress": tiny * material.density * c**2, "velocity": tiny * c, "acceleration": tiny * c / stepping.dt}
     product = np.eye(3 * len(first))
     for k in range(steps):
         images = []
@@ -155,6 +168,6 @@ def growth(T: np.ndarray, courant: float, steps: int = 1) -> dict:
     return found | {"lowest": float(ω[grow].min()), "highest": float(ω[grow].max())} if grow.any() else found
 
 
-def step_of(courant: float) -> Newmark:
+def step_of(courant: float, material=soil) -> Newmark:
     """Newmark at a Courant number of the P wave."""
-    return Newmark(courant * h / soil.p_speed)
+    return Newmark(courant * h / material.p_speed)

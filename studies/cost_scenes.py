@@ -55,8 +55,9 @@ def counts(dim: int, cell: float) -> list[int]:
     return [round(length / cell) for length in BODY[dim]]
 
 
-def scene(method: str, dim: int, cell: float, empty: int = 1):
-    """A run, with a stress probe; ``empty``: rows of cells above the body on the grid of material points."""
+def scene(method: str, dim: int, cell: float, empty: int = 1, **options):
+    """A run, with a stress probe; ``empty``: rows of cells above the body on the grid of material points; ``options``
+    of ``Simulation`` on top of the method's."""
     body, number, stepping = BODY[dim], counts(dim, cell), Newmark(COURANT * cell / soil.p_speed)
     if method in TWINS:
         grid = Grid.box([0.0] * dim, body, number,
@@ -68,6 +69,6 @@ def scene(method: str, dim: int, cell: float, empty: int = 1):
         grid = Grid.box([0.0] * dim, upper, number)
         points = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: x[1] < body[1])
         strip = points.surface("top", where=under_strip)
-        run = Simulation(grid, points, stepping, terms(dim, strip, grid), **MAPPINGS[method])
+        run = Simulation(grid, points, stepping, terms(dim, strip, grid), **{**MAPPINGS[method], **options})
     run.record(Probe("stress", [0.5 * length for length in body]))
     return run
