@@ -59,10 +59,10 @@ def test_place_composite(benchmark, block):
     run = block("DM-GC")
     filled = np.zeros(run.grid.cells, np.int8)
     filled[run.cells[0]] = 1
-    benchmark(run.composite.place, filled)
+    benchmark(run.composites[0].place, filled)
 
 
 def test_composite_gradients(benchmark, block):
     run = block("DM-GC")
-    benchmark(run.composite.gradient_at_points, run.bodies[0].x, run.cells[0], run.motion.nodal(run.motion.u))
+    benchmark(run.composites[0].gradient_at_points, run.bodies[0].x, run.cells[0], run.motion.nodal(run.motion.u))
     assert benchmark.stats.stats.min <= RECOVERY

@@ -86,12 +86,13 @@ def half(run: Simulation) -> Simulation:
 
 def across(run: Simulation) -> Simulation:
     """Polynomials in every direction, as the paper has them."""
-    run.composite = TensorProduct(run.grid)
+    run.composites = [TensorProduct(run.grid)]
     return run
 
 
 def _changed(run: Simulation, weight: Callable[[np.ndarray], np.ndarray]) -> Simulation:
-    composite, stencil, patch = run.composite, run.stencils[0], run.composite.gradient_at_points
+    (composite,), (stencil,) = run.composites, run.stencils
+    patch = composite.gradient_at_points
 
     def gradient(x, cell, nodal):
         w = weight(composite.extent[cell])[:, None, None]

@@ -54,7 +54,7 @@ ACROSS = {"linear": Composite, "tensor product": TensorProduct}
 def run_of(across: str, *scene, **options) -> Simulation:
     """A simulation with one of the ways."""
     run = Simulation(*scene, DM_GC, **options)
-    run.composite = ACROSS[across](run.grid)
+    run.composites = [ACROSS[across](run.grid)]
     return run
 
 

@@ -37,9 +37,8 @@ class Bill:
             for name in ("locate", "project", "predict"):
                 self._watch(run, name, name)
             self._watch(run, "solve", "force")
-            for owner in (run.composite, *run.stencils):
-                if owner is not None:
-                    self._watch(owner, "gradient_at_points", "recover")
+            for owner in (*run.composites, *run.stencils):
+                self._watch(owner, "gradient_at_points", "recover")
         PETSc.Log.begin()
         self._factor = PETSc.Log.Event("PCSetUp")
 

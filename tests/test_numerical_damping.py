@@ -12,10 +12,10 @@ import numerical_damping
 from amplification_map import StepMap
 from numerical_damping_cases import AMPLITUDE, Wave, damping, damping_far, damping_ratio, soil, standing
 
-from mpm_fenicsx import DM_G, DM_GC
+from mpm_fenicsx import DM_G, DM_GC, AccelerationCorrection
 
 WAVES = [Wave(kind, direction, 0.41, 10, 0.5) for kind in "PS" for direction in ("axis", "diagonal")]
-UNCORRECTED = {"sweeps": 1, "balanced": False}  # the step that the known figures are of
+UNCORRECTED = {"sweeps": 1, "correction": AccelerationCorrection.OFF}  # the step that the known figures are of
 EACH = pytest.mark.parametrize("wave", WAVES, ids=lambda wave: f"{wave.kind} {wave.direction}")
 
 
@@ -80,13 +80,13 @@ def test_it_is_the_size_of_the_steps_eigenvalue():
 
 
 @pytest.mark.parametrize("mapping, direction, poisson, expected", [
-    (DM_GC, "axis", 0.25, 0.0140), (DM_GC, "diagonal", 0.25, 0.226), (DM_GC, "diagonal", 0.41, 0.336),
-    (DM_G, "axis", 0.25, 0.0426), (DM_G, "diagonal", 0.25, 0.126)], ids=str)
+    (DM_GC, "axis", 0.25, 0.0028), (DM_GC, "diagonal", 0.25, 0.212), (DM_GC, "diagonal", 0.41, 0.331),
+    (DM_G, "axis", 0.25, 0.0320), (DM_G, "diagonal", 0.25, 0.111)], ids=str)
 def test_known_figures_of_shear_waves_come_out_again(mapping, direction, poisson, expected):
-    """In %, 10 cells a wavelength, Courant 0.5.  Straight lines through ln E of three periods gave 0.016, 0.23, 0.33,
-    0.043 and 0.13; the swing of the energy tilts them by as much as 2e-3."""
+    """In %, 10 cells a wavelength, Courant 0.5.  Before nodes of known motion were known they were 0.014, 0.226, 0.336,
+    0.043 and 0.126: sweeps then spoiled the neighbours of walls."""
     found = damping(Wave("S", direction, poisson, 10, 0.5), {"mapping": mapping, **UNCORRECTED})["damping"]
-    assert found == pytest.approx(expected, rel=0.02)
+    assert found == pytest.approx(expected, rel=0.02, abs=2e-4)
 
 
 def test_walls_weigh_less_the_longer_the_body():
