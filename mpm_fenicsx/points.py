@@ -11,6 +11,7 @@ from . import tensors
 from .checks import finite, one_of, whole
 from .kernels import digits
 from .lattice import SIDES
+from .random_numbers import uniform
 
 
 @dataclass
@@ -120,14 +121,16 @@ class MaterialPoints:
         """Fill the cells of a grid with ``per_cell`` = k^dim evenly placed points each.
 
         ``inside`` maps x (dim, n), m, to bool (n,) and keeps the points of the body; ``jitter`` < 0.5 moves points
-        at random by up to that fraction of their spacing.  Raises ``ValueError`` for a body without points, a
-        ``per_cell`` that is no k^dim, or an ``inside`` of the wrong shape.
+        at random by up to that fraction of their spacing: each by what ``seed`` and its place in the grid say, whatever
+        the other points and the number of ranks.  Raises ``ValueError`` for a body without points, a ``per_cell`` that
+        is no k^dim, a ``seed`` < 0, or an ``inside`` of the wrong shape.
         """
         dim = grid.dim
         whole("per_cell", per_cell)
         k = round(per_cell ** (1 / dim))
         if k**dim != per_cell:
             raise ValueError(f"per_cell must be a {'square' if dim == 2 else 'cube'} of a whole number, got {per_cell}")
+        seed = whole("seed", seed, least=0)
         if not 0.0 <= finite("jitter", jitter) < 0.5:
             raise ValueError(f"jitter must lie in [0, 0.5), got {jitter}")
         lattice, place = grid.lattice, digits(k, dim)
@@ -155,8 +158,8 @@ class MaterialPoints:
             raise ValueError("inside leaves a body without material points")
         seat = None
         if jitter:
-            seat, rng = x, np.random.default_rng([seed, grid.comm.rank])
-            x = x + rng.uniform(-jitter, jitter, x.shape) * 2 * half
+            seat, number = x, _lattice_numbers(grid, per_cell)[keep]
+            x = x + jitter * (2.0 * uniform(seed, number, dim) - 1.0) * 2 * half
         volume = (2 * half).prod(axis=1)
         size = (volume * per_cell) ** (1 / dim) if material.length else None
         return cls(material, x, half, volume, size=size, exposed=exposed, seat=seat)
@@ -217,3 +220,11 @@ class MaterialPoints:
         gauss = np.insert(gauss, d, 0.0, axis=1)
         place = (x[:, None] + gauss * half[:, None]).reshape(-1, self.dim)
         return place, np.broadcast_to(normal, place.shape), np.repeat(area / len(gauss), len(gauss))
+
+
+def _lattice_numbers(grid, per_cell: int) -> np.ndarray:
+    """Numbers (cells, per_cell) of all places that ``fill`` has in a grid, the same on any number of ranks."""
+    index = grid.index
+    cells = 1 + np.array(grid.comm.allgather(index.max(axis=0, initial=-1))).max(axis=0)  # along each direction
+    cell = index @ np.concatenate(([1], np.cumprod(cells[:-1])))
+    return cell[:, None] * per_cell + np.arange(per_cell)

@@ -11,7 +11,7 @@ import mpm_fenicsx
 
 PACKAGE = Path(mpm_fenicsx.__file__).parent
 FLOORS = {
-    "checks": 0, "tensors": 0, "kernels": 0, "lattice": 0, "points": 0, "time_stepping": 0, "exact": 0, "newton": 0,
+    "checks": 0, "random_numbers": 0, "tensors": 0, "kernels": 0, "lattice": 0, "points": 0, "time_stepping": 0, "exact": 0, "newton": 0,
     "logarithmic": 0, "kinematics": 0, "materials.hencky": 0,
     "materials": 0, "materials.elastic": 0, "materials.von_mises": 0,
     "complementarity": 0,
