@@ -15,7 +15,7 @@ from dolfinx import mesh as dmesh
 from . import fenicsx, kernels
 from .checks import finite, one_of, whole
 from .lattice import SIDES, Lattice, beside
-from .partition import anywhere, distribute
+from .partition import distribute, together
 
 Locator = Callable[[np.ndarray], np.ndarray]
 
@@ -181,12 +181,9 @@ class Grid:
         lower, upper = corner.min(axis=1), corner.max(axis=1)
         h = upper - lower
         place = (corner - lower[:, None]) / h[:, None]
-        message = None
-        if np.abs(place - np.round(place)).max(initial=0.0) > 1e-8:
-            message = "mesh must be rectilinear with axes along x, y (z) for material points, and is not"
-        message = anywhere(self.comm, message)
-        if message:
-            raise ValueError(message)
+        with together(self.comm):
+            if np.abs(place - np.round(place)).max(initial=0.0) > 1e-8:
+                raise ValueError("mesh must be rectilinear with axes along x, y (z) for material points, and is not")
         nodes = self.tensor_order(self.space, 1, lower, h)
         neighbour, patch = beside(lower, upper, nodes)
         self._check_ghosts(nodes)

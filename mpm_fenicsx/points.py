@@ -20,6 +20,10 @@ class SurfacePoints:
     ``area`` (n,), m² (m per metre in plane strain).  ``per_face``: so many in a row are the Gauss points of one face,
     whose loads are then integrated piece by piece where grid lines cross it; 1 where each stands for itself.
 
+    A run moves them: the arrays are then those at the time reached.  On several ranks each may be given all rows, or
+    its own.  A run leaves with each rank, here too, those that lie in its cells, and ``number`` (n,) says which of the
+    rows given they are; what a load gives row by row may go on being given for all of those.
+
     Raises ``ValueError`` for arrays that do not fit, a normal that is not a unit vector, or an area <= 0.
     """
 
@@ -28,6 +32,8 @@ class SurfacePoints:
     area: np.ndarray
     displacement: np.ndarray | None = None  # since the start; only where a spring asks for it
     per_face: int = 1
+    number: np.ndarray | None = field(default=None, init=False)  # None while all that was given is here
+    given: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         self.x, self.normal, self.area = (np.array(v, float, order="C") for v in (self.x, self.normal, self.area))
@@ -42,9 +48,23 @@ class SurfacePoints:
         if self.per_face not in (1, 2 ** (self.x.shape[1] - 1)) or len(self) % self.per_face:
             raise ValueError(f"per_face must be 1 or {2 ** (self.x.shape[1] - 1)}, with whole faces, got "
                              f"{self.per_face} for {len(self)} points")
+        self.given = len(self)
 
     def __len__(self) -> int:
         return len(self.x)
+
+    def keep(self, rows: np.ndarray) -> None:
+        """Keep only ``rows`` (m,), increasing, of what is here."""
+        n = len(self)
+        if self.number is None:
+            self.number = np.arange(n)
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray) and len(value) == n:
+                setattr(self, name, value[rows])
+
+    def of_given(self, values: np.ndarray) -> np.ndarray:
+        """The rows that are here of values given for all (given, …), or as they are where they are no such ones."""
+        return values if self.number is None or len(values) != self.given else values[self.number]
 
     def follow(self, u: np.ndarray, gradient: np.ndarray) -> None:
         """Move by displacement increments u (n, dim) with gradients (n, dim, dim): n dA = J F⁻ᵀ N dA₀ (Nanson)."""
