@@ -156,7 +156,7 @@ def _cell_size(grid: Grid) -> np.ndarray:
 
 
 def _by_distance(away: np.ndarray) -> np.ndarray:
-    """Order of rows (n, dim), the shortest first; of equals by their place, so that it is the same on all partitions."""
+    """Order of rows (n, dim), the shortest first; equals by their place, whatever the partition."""
     distance, place = np.linalg.norm(away, axis=1), np.round(away, 6)  # equal but for round-off
     return np.lexsort((*place.T, np.round(distance, 6)))
 
