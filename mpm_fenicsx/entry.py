@@ -6,7 +6,7 @@ import numpy as np
 
 from . import tensors
 from .grid import Grid
-from .partition import anywhere
+from .partition import together
 from .points import MaterialPoints
 
 
@@ -24,7 +24,9 @@ def enter(body: MaterialPoints, grid: Grid) -> np.ndarray:
         value = getattr(body, name)
         if value is not None and (np.shape(value) != (len(body), numbers) or not np.isfinite(value).all()):
             message = f"{name} of points must be {len(body)} rows of {numbers} finite numbers, got {value!r}"
-    message = anywhere(grid.comm, message)
-    if message:
-        raise ValueError(message)
+    with together(grid.comm):
+        if message:
+            raise ValueError(message)
+        if body.material.history:  # what the law refuses it refuses here, on all ranks
+            body.material.respond(np.zeros_like(body.stress), body.stress, body.history, body.size)
     return cell

@@ -31,7 +31,7 @@ class Faces:
         self.grid, self.points = grid, points
         sign = 2.0 * digits(2, grid.dim - 1) - 1.0
         self._toward = SQRT3 * sign.T / len(sign)  # times a face's points: from its centre to its sides, axis by axis
-        self._hair = 1e-9 * (grid.lattice.upper - grid.lattice.lower).min(initial=np.inf)
+        self._hair = 1e-9 * grid.smallest  # the same on all ranks, so that they agree on the cell
         self._cut: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # whole points; pieces: face, W
 
     def within(self, x: np.ndarray, normal: np.ndarray) -> np.ndarray:

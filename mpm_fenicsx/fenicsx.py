@@ -66,9 +66,8 @@ def quadrature_space(mesh, degree: int, size: int):
 
 def cell_dofs(V) -> np.ndarray:
     """Blocked dofs of each local and ghost cell (cells, dofs per cell)."""
-    mesh_cells = V.mesh.topology.index_map(V.mesh.topology.dim)
     table = V.dofmap.list if _recent else V.dofmap.list.array
-    return np.asarray(table, dtype=np.int32).reshape(mesh_cells.size_local + mesh_cells.num_ghosts, -1)
+    return np.asarray(table, dtype=np.int32).reshape(-1, V.dofmap.dof_layout.num_dofs)
 
 
 def cell_vertices(mesh) -> np.ndarray:

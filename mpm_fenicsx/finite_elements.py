@@ -159,7 +159,8 @@ class FiniteElements(Run):
         """Stress rows (n, components), Pa, at the centres of ``cells``."""
         grid = self.grid
         if self.yielding is not None:
-            return self.yielding.state.reshape(grid.cells, -1, self.yielding.state.shape[1])[cells].mean(axis=1)
+            state = self.yielding.state
+            return state.reshape(-1, self.yielding.gauss.digit.shape[1], state.shape[1])[cells].mean(axis=1)
         slope = (2 * kernels.digits(2, grid.dim) - 1) / 2 ** (grid.dim - 1)  # ∂N/∂ξ at the centre
         x = grid.mesh.geometry.x[fenicsx.cell_vertices(grid.mesh)[cells]][..., : grid.dim]
         u = self.motion.nodal(self.displacement)[fenicsx.cell_dofs(grid.space)[cells]]

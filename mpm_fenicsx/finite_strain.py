@@ -106,7 +106,7 @@ class FiniteStrainPoints(FiniteStrainAtGaussPoints):
         gradient = self.gauss.gradient(u)
         f = deformation(gradient)
         for (body, _), pairs, states in zip(self._bodies, self._pairs, self._states, strict=True):
-            before = tensors.matrix(body.stress, body.dim).reshape(len(body), -1)
+            before = tensors.matrix(body.stress, body.dim).reshape(len(body), body.dim**2)
             for point, where, weight in _chunks(*pairs):
                 stress, tangent = self._response(body.material, states, gradient, f, where, point)
                 add(where, weight, stress - before[point], self.stress.rows)

@@ -9,7 +9,7 @@ from .finite_strain import FiniteStrainAtGaussPoints
 from .gauss import GaussPoints
 from .kinematics import FINITE_STRAIN
 from .motion import Motion
-from .partition import anywhere
+from .partition import anywhere, together
 
 
 class FiniteStrainElements(FiniteStrainAtGaussPoints):
@@ -25,6 +25,8 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         self.deformation = np.tile(np.eye(dim), (len(gauss), 1, 1))
         self.history = np.zeros((len(gauss), len(material.history)))
         self.size = gauss.size if material.length else None
+        with together(motion.grid.comm):  # what the law refuses it refuses here, on all ranks
+            material.respond(np.zeros_like(self.state), self.state, self.history, self.size)
         self._all = np.arange(len(gauss), dtype=np.int32)
         self._one = np.ones(len(gauss))
         self.derive()

@@ -109,7 +109,7 @@ class _Cut:
         mean = np.maximum(self._density.mean(), 0.0)
         full = grid.share_cells(lattice.spread(mean))
         there = mean > TRACE * full
-        self.filled = (mean > 0.0) | grid.share_cells(filled).astype(bool)
+        self.filled = (mean > 0.0) | grid.marked_anywhere(filled)
         self._set(self.density, np.where(there, full, 0.0))
         λ, μ = (f.mean() for f in self._lame)
         speed = np.maximum(λ + 2.0 * μ, 0.0) / np.where(there, mean, 1.0)  # c_p², however full

@@ -15,7 +15,7 @@ from dolfinx import mesh as dmesh
 from . import fenicsx, kernels
 from .checks import finite, one_of, whole
 from .lattice import SIDES, Lattice, beside
-from .partition import distribute
+from .partition import distribute, together
 
 Locator = Callable[[np.ndarray], np.ndarray]
 
@@ -126,8 +126,8 @@ class Grid:
         mesh, dim = self.mesh, self.dim
         mesh.topology.create_connectivity(dim - 1, dim)
         x = mesh.geometry.x[:, :dim]
-        low = np.array([self.comm.allreduce(v, MPI.MIN) for v in x.min(axis=0)])
-        high = np.array([self.comm.allreduce(v, MPI.MAX) for v in x.max(axis=0)])
+        low = np.array([self.comm.allreduce(v, MPI.MIN) for v in x.min(axis=0, initial=np.inf)])
+        high = np.array([self.comm.allreduce(v, MPI.MAX) for v in x.max(axis=0, initial=-np.inf)])
         self.lower_corner, self.upper_corner = low, high
         tolerance = 1e-10 * (high - low).max()
         sets: dict[str, Locator] = {}
@@ -181,8 +181,9 @@ class Grid:
         lower, upper = corner.min(axis=1), corner.max(axis=1)
         h = upper - lower
         place = (corner - lower[:, None]) / h[:, None]
-        if np.abs(place - np.round(place)).max(initial=0.0) > 1e-8:
-            raise ValueError("mesh must be rectilinear with axes along x, y (z) for material points, and is not")
+        with together(self.comm):
+            if np.abs(place - np.round(place)).max(initial=0.0) > 1e-8:
+                raise ValueError("mesh must be rectilinear with axes along x, y (z) for material points, and is not")
         nodes = self.tensor_order(self.space, 1, lower, h)
         neighbour, patch = beside(lower, upper, nodes)
         self._check_ghosts(nodes)
@@ -206,7 +207,7 @@ class Grid:
         lattice = self.lattice
         from scipy.spatial import cKDTree
 
-        scale = (lattice.upper - lattice.lower).max(axis=0)
+        scale = (lattice.upper - lattice.lower).max(axis=0, initial=np.finfo(float).tiny)
         centre = 0.5 * (lattice.lower + lattice.upper)
         cell = np.full(len(x), -1, dtype=np.int32)
         ok = np.isfinite(x).all(axis=1)
@@ -223,14 +224,48 @@ class Grid:
     def share_cells(self, marks: np.ndarray) -> np.ndarray:
         """Marks of cells (cells,) with those of ghost cells taken from their owners."""
         if self.comm.size > 1:
-            from dolfinx import fem
-
-            f = fem.Function(fenicsx.space(self.mesh, "DQ", 0))
-            dofs = fenicsx.cell_dofs(f.function_space)[:, 0]
-            f.x.array[dofs[: self.owned_cells]] = marks[: self.owned_cells]
+            f, dofs = self._of_cells
+            f.x.array[dofs] = marks
             fenicsx.share(f)
             marks = f.x.array[dofs].astype(marks.dtype)
         return marks
+
+    def marked_anywhere(self, marks: np.ndarray) -> np.ndarray:
+        """Which cells (cells,), bool, are marked on any rank, as its own or as a ghost."""
+        if self.comm.size == 1:
+            return marks.astype(bool)
+        f, dofs = self._of_cells
+        f.x.array[dofs] = marks != 0
+        fenicsx.gather(f)
+        return f.x.array[dofs] > 0.0
+
+    @cached_property
+    def index(self) -> np.ndarray:
+        """Which cell along each direction (cells, dim) each is, from 0 on: the same on any number of ranks.
+
+        Collective when it is first asked for.
+        """
+        lower, out = self.lattice.lower, np.empty((self.cells, self.dim), dtype=np.int64)
+        hair = 1e-6 * self.smallest
+        for d in range(self.dim):
+            line = np.unique(np.concatenate(self.comm.allgather(np.unique(lower[:, d]))))
+            number = np.concatenate(([0], np.cumsum(np.diff(line) > hair)))  # places a hair apart are one line
+            out[:, d] = number[np.searchsorted(line, lower[:, d])]
+        return out
+
+    @cached_property
+    def smallest(self) -> float:
+        """Least extent (m) of any cell on any rank.  Collective when it is first asked for."""
+        extent = self.lattice.upper - self.lattice.lower
+        return self.comm.allreduce(float(extent.min(initial=np.inf)), op=MPI.MIN)
+
+    @cached_property
+    def _of_cells(self):
+        """A field of one number a cell, and its dofs (cells,)."""
+        from dolfinx import fem
+
+        f = fem.Function(fenicsx.space(self.mesh, "DQ", 0))
+        return f, fenicsx.cell_dofs(f.function_space)[:, 0]
 
     def _check_ghosts(self, nodes: np.ndarray) -> None:
         if self.comm.size == 1:

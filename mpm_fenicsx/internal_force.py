@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from dolfinx import fem
 
-from . import tensors
+from . import fenicsx, tensors
 from .grid import Grid
 from .kernels import jit, once
 from .points import MaterialPoints
@@ -49,7 +50,11 @@ class LinearStress:
             self._at[i, i] = i
         for k, (i, j) in enumerate(shear):
             self._at[i, j] = self._at[j, i] = grid.dim + k
-        self._mean = np.zeros((grid.nodes, 1 + len(self._columns) + grid.dim))
+        numbers = 1 + len(self._columns) + grid.dim
+        self._shared = None if grid.comm.size == 1 else fem.Function(
+            fenicsx.space(grid.mesh, "Lagrange", 1, (numbers,)))
+        self._mean = np.zeros((grid.nodes, numbers)) if self._shared is None else \
+            self._shared.x.array.reshape(grid.nodes, numbers)
 
     def add(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil], internal: np.ndarray) -> None:
         """Add the force of all bodies to ``internal`` (nodes, dim), N."""
@@ -59,6 +64,9 @@ class LinearStress:
             self._mean[:] = 0.0
             _sum(grid.axes, at.reach, once(stress.shape[1]), lat.around, at.first, at.line, body.volume, stress, body.x,
                  self._mean)
+            if self._shared is not None:
+                fenicsx.gather(self._shared)  # a node's points lie on several ranks
+            _divide(self._mean)
             _pull(grid.axes, at.reach, once(stress.shape[1]), self._at, at.side, at.span, at.share, at.cell, lat.lower,
                   lat.upper, lat.neighbour, lat.nodes, lat.around, at.first, at.line, at.slope, body.volume, body.x,
                   stress, self._mean, internal)
@@ -66,7 +74,7 @@ class LinearStress:
 
 @jit
 def _sum(axes, reach, columns, around, first, line, volume, stress, x, out):
-    """out_i = Σ_p S_ip V_p (1, σ_p, x_p), the last two divided by the first."""
+    """out_i += Σ_p S_ip V_p (1, σ_p, x_p)."""
     dim, n, m = len(axes), len(reach), len(columns)
     for p in range(len(first)):
         for k in range(n if dim == 3 else 1):
@@ -80,11 +88,16 @@ def _sum(axes, reach, columns, around, first, line, volume, stress, x, out):
                         out[node, 1 + f] += w * stress[p, f]
                     for d in range(dim):
                         out[node, 1 + m + d] += w * x[p, d]
-    for i in range(len(out)):
-        if out[i, 0] > 0.0:
-            share = 1.0 / out[i, 0]
-            for f in range(1, 1 + m + dim):
-                out[i, f] *= share
+
+
+@jit
+def _divide(nodal):
+    """Divide nodal sums (nodes, f) by the first of them, which stays; nothing where that is zero."""
+    for i in range(len(nodal)):
+        if nodal[i, 0] > 0.0:
+            share = 1.0 / nodal[i, 0]
+            for f in range(1, nodal.shape[1]):
+                nodal[i, f] *= share
 
 
 @jit

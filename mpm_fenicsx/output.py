@@ -122,7 +122,7 @@ def _vtk(value: np.ndarray, dim: int) -> np.ndarray:
         width = value.shape[1]
         wide = {dim: 3, tensors.components(dim): 6}.get(width, width)
         value = np.pad(value, ((0, 0), (0, wide - width)))
-    return np.ascontiguousarray(value.reshape(len(value), -1) if value.ndim > 2 else value)
+    return np.ascontiguousarray(value.reshape(len(value), int(np.prod(value.shape[1:]))) if value.ndim > 2 else value)
 
 
 # -- from all ranks to the first; every rank calls these ----------------------------------------------------------

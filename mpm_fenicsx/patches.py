@@ -13,7 +13,7 @@ from . import fenicsx, forms
 from .faces import Faces
 from .grid import GridSurface
 from .loads import Load, combined
-from .partition import anywhere
+from .partition import anywhere, keepers
 from .points import SurfacePoints
 from .projection import AT_NODES, Projection, simpson
 from .shapes import Stencil
@@ -109,8 +109,10 @@ class PointPatch:
             raise ValueError("on: the surface has no points")
         self.grid, self.motion, self.points = scene.grid, scene.motion, points
         self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
-        self.stencil = Stencil(self.grid, len(points), support=False)
         self.faces = Faces(self.grid, points)
+        if self.grid.comm.size > 1:
+            self._leave_to_others()
+        self.stencil = Stencil(self.grid, len(points), support=False)
         self._cell = self.grid.find(self._inward())
         self._check()
         self._refresh: list[Callable[[float, float], None]] = []
@@ -118,10 +120,31 @@ class PointPatch:
     def _inward(self) -> np.ndarray:
         return self.faces.within(self.points.x, self.points.normal)
 
+    def _leave_to_others(self) -> None:
+        """Keep the faces that lie in this rank's cells, by their centres: what all ranks are given acts once."""
+        points, k, grid = self.points, self.points.per_face, self.grid
+        faces = len(points) // k
+        x, normal = (a.reshape(faces, k, grid.dim) for a in (points.x, points.normal))
+        cell = grid.find(self.faces.within(x.mean(axis=1), normal[:, 0]))
+        things = np.column_stack((points.x, points.normal, points.area)).reshape(faces, k * (2 * grid.dim + 1))
+        keeper = keepers(grid.comm, things, (cell >= 0) & (cell < grid.owned_cells), cell >= 0)
+        lost, message = np.flatnonzero(keeper < 0), None
+        if len(lost):
+            message = self._lies(k * lost[0], "outside the grid, or in a cell of a rank that was not given it")
+        self._refuse(message)
+        if not (keeper == grid.comm.rank).all():
+            points.keep((k * np.flatnonzero(keeper == grid.comm.rank)[:, None] + np.arange(k)).ravel())
+
+    def _lies(self, row: int, where: str) -> str:
+        number = row if self.points.number is None else self.points.number[row]
+        return f"surface point {number} at x={self.points.x[row]} lies {where}"
+
     def _check(self) -> None:
         lost, message = np.flatnonzero(self._cell < 0), None
         if len(lost):
-            message = f"surface point {lost[0]} at x={self.points.x[lost[0]]} lies outside the grid"
+            where = "outside the grid" + (", or too far from the cells of its rank, which is not supported yet"
+                                          if self.grid.comm.size > 1 else "")
+            message = self._lies(lost[0], where)
             self._cell[lost] = 0  # whence to walk, should they be put back
         self._refuse(message)
 
@@ -156,13 +179,16 @@ class PointPatch:
     def held(self, value):
         """A load (Pa) that is one row a surface point (n, dim) and moves with them; None for any other.
 
-        Raises ``ValueError`` for rows that do not fit, or a field on the mesh.
+        On several ranks also one for each row that the surface was given with.  Raises ``ValueError``, on all ranks,
+        for rows that do not fit, or a field on the mesh.
         """
         rows = isinstance(value, np.ndarray) and value.ndim == 2
-        fits = rows and value.shape == self.points.x.shape and np.isfinite(value).all()
+        constant = self.points.of_given(value).copy() if rows else None
+        fits = rows and constant.shape == self.points.x.shape and np.isfinite(constant).all()
+        message = None
         if isinstance(value, fem.Function) or (rows and not fits):
-            raise ValueError(f"a load on surface points must be {self.points.x.shape} finite numbers, got {value!r}")
-        constant = value.copy() if rows else None
+            message = f"a load on surface points must be {self.points.x.shape} finite numbers, got {value!r}"
+        self._refuse(message)
         return ufl.as_vector(self._field(self.grid.dim, lambda *_: constant)) if rows else None
 
     def load(self, function: Load, placed: bool, mean: bool = False):

@@ -11,6 +11,7 @@ from . import tensors
 from .checks import finite, one_of, whole
 from .kernels import digits
 from .lattice import SIDES
+from .random_numbers import uniform
 
 
 @dataclass
@@ -18,6 +19,10 @@ class SurfacePoints:
     """Points without thickness on a surface: ``x`` (n, dim), m; outward unit ``normal`` (n, dim);
     ``area`` (n,), m² (m per metre in plane strain).  ``per_face``: so many in a row are the Gauss points of one face,
     whose loads are then integrated piece by piece where grid lines cross it; 1 where each stands for itself.
+
+    A run moves them: the arrays are then those at the time reached.  On several ranks each may be given all rows, or
+    its own.  A run leaves with each rank, here too, those that lie in its cells, and ``number`` (n,) says which of the
+    rows given they are; what a load gives row by row may go on being given for all of those.
 
     Raises ``ValueError`` for arrays that do not fit, a normal that is not a unit vector, or an area <= 0.
     """
@@ -27,6 +32,8 @@ class SurfacePoints:
     area: np.ndarray
     displacement: np.ndarray | None = None  # since the start; only where a spring asks for it
     per_face: int = 1
+    number: np.ndarray | None = field(default=None, init=False)  # None while all that was given is here
+    given: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         self.x, self.normal, self.area = (np.array(v, float, order="C") for v in (self.x, self.normal, self.area))
@@ -41,9 +48,23 @@ class SurfacePoints:
         if self.per_face not in (1, 2 ** (self.x.shape[1] - 1)) or len(self) % self.per_face:
             raise ValueError(f"per_face must be 1 or {2 ** (self.x.shape[1] - 1)}, with whole faces, got "
                              f"{self.per_face} for {len(self)} points")
+        self.given = len(self)
 
     def __len__(self) -> int:
         return len(self.x)
+
+    def keep(self, rows: np.ndarray) -> None:
+        """Keep only ``rows`` (m,), increasing, of what is here."""
+        n = len(self)
+        if self.number is None:
+            self.number = np.arange(n)
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray) and len(value) == n:
+                setattr(self, name, value[rows])
+
+    def of_given(self, values: np.ndarray) -> np.ndarray:
+        """The rows that are here of values given for all (given, …), or as they are where they are no such ones."""
+        return values if self.number is None or len(values) != self.given else values[self.number]
 
     def follow(self, u: np.ndarray, gradient: np.ndarray) -> None:
         """Move by displacement increments u (n, dim) with gradients (n, dim, dim): n dA = J F⁻ᵀ N dA₀ (Nanson)."""
@@ -120,14 +141,16 @@ class MaterialPoints:
         """Fill the cells of a grid with ``per_cell`` = k^dim evenly placed points each.
 
         ``inside`` maps x (dim, n), m, to bool (n,) and keeps the points of the body; ``jitter`` < 0.5 moves points
-        at random by up to that fraction of their spacing.  Raises ``ValueError`` for a body without points, a
-        ``per_cell`` that is no k^dim, or an ``inside`` of the wrong shape.
+        at random by up to that fraction of their spacing: each by what ``seed`` and its place in the grid say, whatever
+        the other points and the number of ranks.  Raises ``ValueError`` for a body without points, a ``per_cell`` that
+        is no k^dim, a ``seed`` < 0, or an ``inside`` of the wrong shape.
         """
         dim = grid.dim
         whole("per_cell", per_cell)
         k = round(per_cell ** (1 / dim))
         if k**dim != per_cell:
             raise ValueError(f"per_cell must be a {'square' if dim == 2 else 'cube'} of a whole number, got {per_cell}")
+        seed = whole("seed", seed, least=0)
         if not 0.0 <= finite("jitter", jitter) < 0.5:
             raise ValueError(f"jitter must lie in [0, 0.5), got {jitter}")
         lattice, place = grid.lattice, digits(k, dim)
@@ -155,8 +178,8 @@ class MaterialPoints:
             raise ValueError("inside leaves a body without material points")
         seat = None
         if jitter:
-            seat, rng = x, np.random.default_rng([seed, grid.comm.rank])
-            x = x + rng.uniform(-jitter, jitter, x.shape) * 2 * half
+            seat, number = x, _lattice_numbers(grid, per_cell)[keep]
+            x = x + jitter * (2.0 * uniform(seed, number, dim) - 1.0) * 2 * half
         volume = (2 * half).prod(axis=1)
         size = (volume * per_cell) ** (1 / dim) if material.length else None
         return cls(material, x, half, volume, size=size, exposed=exposed, seat=seat)
@@ -217,3 +240,11 @@ class MaterialPoints:
         gauss = np.insert(gauss, d, 0.0, axis=1)
         place = (x[:, None] + gauss * half[:, None]).reshape(-1, self.dim)
         return place, np.broadcast_to(normal, place.shape), np.repeat(area / len(gauss), len(gauss))
+
+
+def _lattice_numbers(grid, per_cell: int) -> np.ndarray:
+    """Numbers (cells, per_cell) of all places that ``fill`` has in a grid, the same on any number of ranks."""
+    index = grid.index
+    cells = 1 + np.array(grid.comm.allgather(index.max(axis=0, initial=-1))).max(axis=0)  # along each direction
+    cell = index @ np.concatenate(([1], np.cumprod(cells[:-1])))
+    return cell[:, None] * per_cell + np.arange(per_cell)

@@ -155,15 +155,21 @@ def _cell_size(grid: Grid) -> np.ndarray:
     return grid.comm.allreduce(np.ptp(x, axis=1).sum(axis=0)) / grid.comm.allreduce(grid.owned_cells)
 
 
+def _by_distance(away: np.ndarray) -> np.ndarray:
+    """Order of rows (n, dim), the shortest first; equals by their place, whatever the partition."""
+    distance, place = np.linalg.norm(away, axis=1), np.round(away, 6)  # equal but for round-off
+    return np.lexsort((*place.T, np.round(distance, 6)))
+
+
 def _nearest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:
     """Rows of the local samples that serve ``at``, and their weights: exact for linear fields over all ranks."""
     dim = len(at)
     count = 2 ** (dim + 1)
-    distance = np.linalg.norm(places - at, axis=1)
-    rows = np.argsort(distance, kind="stable")[:count]
-    found = np.concatenate(comm.allgather(np.column_stack((distance[rows], np.full(len(rows), comm.rank), rows,
+    rows = _by_distance(places - at)[:count]
+    distance = np.linalg.norm(places[rows] - at, axis=1)
+    found = np.concatenate(comm.allgather(np.column_stack((distance, np.full(len(rows), comm.rank), rows,
                                                            places[rows]))))
-    found = found[np.argsort(found[:, 0], kind="stable")[:count]]
+    found = found[_by_distance(found[:, 3:] - at)[:count]]
     # least-norm weights w with Σ w = 1 and Σ w x = at in the span of the samples, be it a point, a line or a plane;
     # the norm grows as the fourth power of distance
     spread = found[:, 3:] - found[:, 3:].mean(axis=0)

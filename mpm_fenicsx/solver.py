@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping
+from itertools import count
 
 from petsc4py import PETSc
 
@@ -10,6 +12,8 @@ from .motion import Motion
 
 RESCUE = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 """For when the solver of a run fails."""
+
+_number = count()
 
 
 def linear_solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | None) -> PETSc.KSP:
@@ -30,13 +34,22 @@ def linear_solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | 
         # a full factor does without, and would be made anew for every solve
         chosen = {"ksp_diagonal_scale": True, "ksp_diagonal_scale_fix": True, **chosen}
     ksp = PETSc.KSP().create(motion.grid.comm)
-    prefix = f"mpm_{id(ksp)}_"
+    prefix = f"mpm_{next(_number)}_"
     ksp.setOptionsPrefix(prefix)
     store = PETSc.Options(prefix)
     for key, value in chosen.items():
         store[key] = value
     ksp.setOperators(A)
     ksp.setFromOptions()
-    for key in chosen:
-        del store[key]
+    # solvers of blocks and other packages' factors read theirs only when they are set up, and again after a reset
+    weakref.finalize(ksp, _forget, prefix, list(chosen))
     return ksp
+
+
+def _forget(prefix: str, keys: list[str]) -> None:
+    """Take options out of PETSc's table, which warns of those that nobody has read when the process ends."""
+    if PETSc.Sys.isFinalized():
+        return
+    store = PETSc.Options(prefix)
+    for key in keys:
+        store.delValue(key)

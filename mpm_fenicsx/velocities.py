@@ -41,7 +41,7 @@ class Deposit:
     def predict(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil]) -> None:
         """Set the motion's v and a."""
         grid = self.motion.grid
-        nodal = self._sums.x.array.reshape(grid.nodes, -1)
+        nodal = self._sums.x.array.reshape(grid.nodes, 1 + 2 * grid.dim)
         nodal[:] = 0.0
         for body, stencil in zip(bodies, stencils, strict=True):
             stencil.deposit_motion(body.mass, body.velocity, body.acceleration, nodal)

@@ -19,6 +19,7 @@ from . import forms, tensors
 from .gauss import GaussField, GaussPoints, measure
 from .kernels import digits, jit
 from .motion import Motion
+from .partition import together
 from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
 from .shapes import Stencil
@@ -208,6 +209,8 @@ class YieldingElements(YieldingAtGaussPoints):
         self.state = np.zeros((len(gauss), tensors.components(motion.grid.dim)))
         self.history = np.zeros((len(gauss), len(material.history)))
         self.size = gauss.size if material.length else None
+        with together(motion.grid.comm):  # what the law refuses it refuses here, on all ranks
+            material.respond(np.zeros_like(self.state), self.state, self.history, self.size)
         self._all = np.arange(len(gauss), dtype=np.int32)
         self._elastic = np.zeros_like(self.state)  # what the strain so far would give without yielding
 

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import json
 import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -15,26 +18,38 @@ from dolfinx import fem
 
 from mpm_fenicsx import (
     DM_GC,
+    DM_GCL,
     GIMP,
     MPM,
+    Checkpoint,
+    DeadLoad,
+    Energy,
     FiniteElements,
     Fixed,
     GhostPenalty,
     Gravity,
     Grid,
+    Hencky,
     LinearElastic,
     MaterialPoints,
     Newmark,
+    Newton,
+    Probe,
     QuasiStatic,
     RunError,
     Simulation,
+    Snapshots,
     SurfacePoints,
     Traction,
     Viscoelastic,
+    VonMises,
     fenicsx,
 )
 
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+FINITE = Hencky(young=20e6, poisson=0.25, density=1500.0)
+CLAY = VonMises(SOIL, peak=2e3, residual=1e3, softening=1e5, length=0.5)
+EXACT = {"ksp_rtol": 1e-13, "ksp_max_it": 2000}
 
 
 def key(x) -> str:
@@ -53,8 +68,11 @@ def grid_of(dim: int) -> Grid:
     return Grid.rectilinear(lines[:dim])
 
 
-def body_of(grid: Grid) -> tuple[MaterialPoints, np.ndarray]:
-    """Random points, the same on any number of ranks, and their numbers; the top right corner is empty."""
+def body_of(grid: Grid, part: Callable = lambda x: x[:, 0] < np.inf) -> tuple[MaterialPoints, np.ndarray]:
+    """Random points, the same on any number of ranks, and their numbers; the top right corner is empty.
+
+    ``part`` maps x (n, dim) to bool (n,) and keeps some.
+    """
     rng = np.random.default_rng(3)
     n = 60 if grid.dim == 2 else 150
     span = grid.upper_corner - grid.lower_corner
@@ -64,7 +82,7 @@ def body_of(grid: Grid) -> tuple[MaterialPoints, np.ndarray]:
     velocity = 1e-3 * rng.normal(size=(n, grid.dim))
     body = (x[:, 0] < 1.45) | (x[:, 1] < 0.65)
     cell = grid.find(x)
-    number = np.flatnonzero((cell >= 0) & (cell < grid.owned_cells) & body)
+    number = np.flatnonzero((cell >= 0) & (cell < grid.owned_cells) & body & part(x))
     here = (v[number] for v in (x, half, (2 * half).prod(axis=1), stress, velocity))
     x, half, volume, stress, velocity = here
     return MaterialPoints(SOIL, x, half, volume, stress=stress, velocity=velocity), number
@@ -149,16 +167,109 @@ def moving(dim: int, mapping, b_bar: bool = False, more: tuple = ()) -> dict:
     body, number = body_of(grid)
     terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets("left", "right"), "x"),
              Viscoelastic(grid.facets("bottom"), SOIL, 3.0), Viscoelastic(markers_of(grid), SOIL, 2.0), *more]
-    run = Simulation(grid, body, Newmark(1e-4), terms, mapping, solver={"ksp_rtol": 1e-13}, b_bar=b_bar)
+    run = Simulation(grid, body, Newmark(1e-4), terms, mapping, solver=EXACT, b_bar=b_bar)
     for _ in range(4):
         run.step()
     rows = np.hstack((body.x, 1e-6 * body.stress, body.velocity, 1e-2 * body.acceleration))
     return {"points": {str(n): row.tolist() for n, row in zip(number, rows, strict=True)}}
 
 
-def twin(dim: int, stepping, b_bar: bool = False) -> dict:
-    """Finite elements."""
+def rows_of(body: MaterialPoints) -> np.ndarray:
+    """What points of a dynamic run carry, brought to sizes that compare."""
+    return np.hstack((body.x, 1e-6 * body.stress, body.velocity, 1e-2 * body.acceleration))
+
+
+def of_two_bodies(dim: int, mapping) -> dict:
+    """Bodies that share cells, of one of which a rank may hold no point."""
     grid = grid_of(dim)
+    both = [body_of(grid, part) for part in (lambda x: x[:, 0] < 0.55, lambda x: x[:, 0] >= 0.55)]
+    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets("left"))]
+    run = Simulation(grid, [body for body, _ in both], Newmark(1e-4), terms, mapping, solver=EXACT)
+    for _ in range(3):
+        run.step()
+    return {"points": {str(n): row.tolist() for body, number in both
+                       for n, row in zip(number, rows_of(body), strict=True)}}
+
+
+def jittered(dim: int) -> dict:
+    """Random places, by the even ones that they were moved from."""
+    body = MaterialPoints.fill(grid_of(dim), SOIL, 2**dim, lambda x: x[0] < 1.6, jitter=0.4, seed=5)
+    return {"points": {key(seat): x.tolist() for seat, x in zip(body.seat, body.x, strict=True)}}
+
+
+def faces_by_hand(grid: Grid) -> SurfacePoints:
+    """All of a surface, on each rank: faces along the bottom, some of them across grid lines or in the corner of four
+    cells, whose Gauss points lie in the cells of several ranks."""
+    dim, rng = grid.dim, np.random.default_rng(6)
+    on_lines = np.array([[0.3, 0.4, 0.5], [0.8, 0.4, 0.5], [1.0, 0.7, 0.5], [1.5, 0.4, 0.5], [0.8, 0.2, 0.5]])
+    centre = np.concatenate((on_lines, rng.uniform(0.15, 0.6, (9, 3)) * [2.2, 1.0, 1.2]))[:, :dim]
+    normal = np.zeros_like(centre)
+    normal[:, 1] = -1.0
+    half = 0.11 * np.ones(dim)
+    half[1] = 0.0
+    sign = np.insert(2.0 * np.array(list(np.ndindex((2,) * (dim - 1))))[:, ::-1] - 1.0, 1, 0.0, axis=1)
+    x = centre[:, None] + sign * half / np.sqrt(3.0)
+    k = len(sign)
+    return SurfacePoints(x.reshape(-1, dim), np.repeat(normal, k, axis=0), np.full(k * len(centre), 0.1), per_face=k)
+
+
+def surfaces_by_hand(dim: int) -> dict:
+    """Surfaces that each rank is given whole, with loads row by row, in two runs one after the other."""
+    grid, rng = grid_of(dim), np.random.default_rng(8)
+    body, number = body_of(grid)
+    x = grid.lower_corner + rng.uniform(0.05, 0.6, (14, dim)) * (grid.upper_corner - grid.lower_corner)
+    x[:4] = np.array([[0.3, 0.4, 0.5], [0.8, 0.7, 0.5], [1.0, 0.4, 0.2], [0.8, 0.2, 0.5]])[:, :dim]  # on grid lines
+    x[5] = x[4]  # given twice: acts twice
+    normal = rng.normal(size=x.shape)
+    points = SurfacePoints(x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.2, len(x)))
+    faces = faces_by_hand(grid)
+    loads = [1e4 * rng.normal(size=s.x.shape) for s in (points, faces)]
+    for _ in range(2):
+        terms = [Fixed(grid.facets("left"), "x"), DeadLoad(points, lambda t, x: 1e4 * x)]
+        terms += [Viscoelastic(faces, SOIL, 0.5)] if dim == 2 else []
+        terms += [Traction(s, load) for s, load in zip((points, faces), loads, strict=True)]
+        run = Simulation(grid, body, Newmark(1e-4), terms, solver=EXACT)
+        for _ in range(2):
+            run.step()
+    out = {"points": {str(n): row.tolist() for n, row in zip(number, rows_of(body), strict=True)}}
+    for name, s in (("single", points), ("faces", faces)):
+        rows = np.hstack((s.x, s.normal, s.area[:, None]))
+        at = np.arange(len(s)) if s.number is None else s.number
+        out[name] = {str(n): row.tolist() for n, row in zip(at, rows, strict=True)}
+    if dim == 2:
+        out["springs"] = {str(n): row.tolist() for n, row in zip(at, faces.displacement, strict=True)}
+    return out
+
+
+def lacking(cells: tuple[int, ...], material, stepping, mapping, end: float, folder: Path) -> dict:
+    """A body that ends at ``end`` of the grid's length: a rank may hold none of it, or not even a cell."""
+    dim = len(cells)
+    grid = Grid.box((0.0,) * dim, tuple(map(float, cells)), cells)
+    body = MaterialPoints.fill(grid, material, 2**dim, lambda x: (x[0] < end) & (x[1] < cells[1] - 0.25))
+    across, dynamic, whole = (0.0,) * (dim - 2), stepping.dynamic, (material, dim) == (SOIL, 2)
+    terms = [Gravity((0.0, -9.81, *across)), Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom")),
+             Traction(body.surface("top"), (0.0, -1e3, *across))]
+    terms += [Viscoelastic(body.surface("right"), SOIL, 3.0), GhostPenalty()] if whole else []
+    run = Simulation(grid, body, stepping, terms, mapping, newton=Newton(1e-12), solver=EXACT if dynamic else None)
+    energy, probe = run.record(Energy()) if whole else None, run.record(Probe("stress", (0.5,) * dim))
+    run.record(Snapshots(folder / "shot"))
+    run.record(Checkpoint(folder / "check"))
+    for _ in range(2):
+        run.step()
+    run.restart(folder / "check")
+    rows = np.hstack((body.x, 1e-6 * body.stress))
+    out = {"points": {key(at): row.tolist() for at, row in zip(np.round(body.x, 2), rows, strict=True)},
+           "probe": {"": probe.values[-1].tolist()}}
+    if whole:
+        out["energy"] = {"": energy.values[-1].tolist()}
+    if not dynamic:
+        out["balance"] = {"": [1.0 + run.balance()[1]]}
+    return out
+
+
+def twin(dim: int, stepping, b_bar: bool = False, grid: Grid | None = None, material=SOIL) -> dict:
+    """Finite elements."""
+    grid = grid or grid_of(dim)
     across, up = (0.0,) * (dim - 1), "xyz"[dim - 1]
     terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom" if dim == 2 else "back"), up),
              Traction(grid.facets("right"), lambda t, x: 1e3 * x + t), Gravity((*across, -9.81))]
@@ -166,7 +277,7 @@ def twin(dim: int, stepping, b_bar: bool = False) -> dict:
         terms.append(Viscoelastic(grid.facets("top"), SOIL, 3.0))
     elif dim == 3:
         terms.append(Fixed(grid.facets("bottom"), "y"))
-    run = FiniteElements(grid, SOIL, stepping, terms, b_bar=b_bar)
+    run = FiniteElements(grid, material, stepping, terms, b_bar=b_bar, newton=Newton(1e-12))
     for _ in range(3):
         run.step()
     return {"displacement": nodal(grid, run.motion.nodal(run.displacement))}
@@ -207,16 +318,68 @@ def refusals(comm: MPI.Comm) -> dict:
     except RunError as error:
         heard = int("inside out" in str(error))
     out["inverted"] = {"": [comm.allreduce(heard) / comm.size]}
+    x = np.array([[0.5, 0.5], [1.2, 0.5], [0.5, 1.7]])
+    heard = 0
+    try:
+        Simulation(grid, body_of(grid)[0], Newmark(1e-4), [
+            Traction(SurfacePoints(x, np.tile((0.0, 1.0), (3, 1)), np.ones(3)), (0.0, 1.0))])
+    except ValueError as error:
+        heard = int("surface point 2" in str(error))
+    out["surface outside"] = {"": [comm.allreduce(heard) / comm.size]}
+    body = MaterialPoints.fill(grid, CLAY, 4)
+    if comm.rank == comm.size - 1:
+        body.size[:] = 1e6
+    heard = 0
+    try:
+        Simulation(grid, body, Newmark(1e-4), [])
+    except ValueError as error:
+        heard = int("size must stay below" in str(error))
+    out["size"] = {"": [comm.allreduce(heard) / comm.size]}
     return out
+
+
+def options(comm: MPI.Comm) -> dict:
+    """Solvers of blocks and factors of other packages get their options."""
+    grid, found = grid_of(2), {}
+    run = Simulation(grid, body_of(grid)[0], Newmark(1e-4), [])
+    run.step()
+    pc = run.equilibrium.ksp.getPC()
+    inner = pc.getASMSubKSP()[0].getPC().getType() if comm.size > 1 else pc.getType()
+    found["blocks"] = {"": [float(inner == "icc")]}
+    if comm.size == 1:
+        return {**found, "factor": {"": [1.0]}}
+    run = FiniteElements(grid, SOIL, QuasiStatic(1), [Fixed(grid.facets("bottom"))], solver={"mat_mumps_icntl_14": 77})
+    run.step()
+    factor = run.equilibrium.ksp.getPC().getFactorMatrix()
+    return {**found, "factor": {"": [float(factor.getMumpsIcntl(14) == 77)]}}
 
 
 def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
     """All of it, on rank 0; cases by name, each a dict of quantity -> key -> numbers."""
-    cases = {"refusals": refusals(comm)}
+    cases = {"refusals": refusals(comm), "options": options(comm)}
+    folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
+    dynamic, static, long = Newmark(1e-3), QuasiStatic(2), (7, 1)
+    for name, case in {
+        "Hencky, empty": (long, FINITE, dynamic, DM_GC, 1.9),
+        "Hencky at points, empty": (long, FINITE, dynamic, GIMP, 1.9),
+        "Hencky in statics, empty": (long, FINITE, static, DM_GC, 1.9),
+        "von Mises, empty": (long, CLAY, dynamic, DM_GC, 1.9),
+        "von Mises at points, empty": (long, CLAY, dynamic, GIMP, 1.9),
+        "one cell": ((1, 1), FINITE, dynamic, DM_GC, 0.6),
+        "two cells": ((2, 1), SOIL, dynamic, DM_GC, 1.4),
+        "two cells in statics": ((2, 1), FINITE, static, DM_GC, 1.4),
+        "one cell in 3D": ((1, 1, 1), SOIL, dynamic, DM_GCL, 0.6),
+    }.items():
+        cases[name] = lacking(*case, folder)
+    for name, material in (("one cell", SOIL), ("one cell, Hencky", FINITE), ("one cell, von Mises", CLAY)):
+        cases[f"twin, {name}"] = twin(2, dynamic, grid=Grid.box((0, 0), (1, 1), (1, 1)), material=material)
     for dim in (2, 3):
         for mapping in (MPM, GIMP, DM_GC):
             cases[f"still {dim}D {mapping}"] = still(dim, mapping)
             cases[f"moving {dim}D {mapping}"] = moving(dim, mapping)
+        cases[f"two bodies {dim}D DM-GCL"] = of_two_bodies(dim, DM_GCL)
+        cases[f"jitter {dim}D"] = jittered(dim)
+        cases[f"surfaces by hand {dim}D"] = surfaces_by_hand(dim)
         cases[f"moving {dim}D B-bar"] = moving(dim, DM_GC, b_bar=True)
         cases[f"moving {dim}D GhostPenalty"] = moving(dim, DM_GC, more=(GhostPenalty(),))
         cases[f"static twin {dim}D B-bar"] = twin(dim, QuasiStatic(3), b_bar=True)

@@ -14,7 +14,7 @@ FLOORS = {
     "checks": 0, "tensors": 0, "kernels": 0, "lattice": 0, "points": 0, "time_stepping": 0, "exact": 0, "newton": 0,
     "logarithmic": 0, "kinematics": 0, "materials.hencky": 0,
     "materials": 0, "materials.elastic": 0, "materials.von_mises": 0,
-    "complementarity": 0,
+    "complementarity": 0, "random_numbers": 0,
     "files": 0, "failure": 0, "checkpoint": 1, "compiling": 1, "fenicsx": 1, "partition": 1, "grid": 1, "region": 1,
     "forms": 1, "output": 1,
     "shapes": 2, "composite": 2, "projection": 2, "motion": 2, "scene": 2, "terms": 2, "mapping": 2, "ghost_penalty": 2,

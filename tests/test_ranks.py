@@ -74,6 +74,28 @@ def test_the_finite_element_twin_is_the_same(several, serial, case):
     assert difference(several[case]["displacement"], serial[case]["displacement"]) < 1e-10
 
 
-@pytest.mark.parametrize("what", ["outside", "lost", "inverted"])
+@pytest.mark.parametrize("case", [f"{what} {dim}D{more}" for dim in (2, 3) for what, more in (
+    ("two bodies", " DM-GCL"), ("surfaces by hand", ""), ("jitter", ""))])
+def test_sums_over_points_and_surfaces_do_not_depend_on_who_holds_them(several, serial, case):
+    tolerance = 1e-15 if "jitter" in case else 1e-9
+    for quantity, expected in serial[case].items():
+        assert difference(several[case][quantity], expected) < tolerance, quantity
+
+
+@pytest.mark.parametrize("case", [
+    "Hencky, empty", "Hencky at points, empty", "Hencky in statics, empty", "von Mises, empty",
+    "von Mises at points, empty", "one cell", "two cells", "two cells in statics", "one cell in 3D",
+    "twin, one cell", "twin, one cell, Hencky", "twin, one cell, von Mises"])
+def test_a_rank_may_have_no_points_and_no_cells(several, serial, case):
+    for quantity, expected in serial[case].items():
+        assert difference(several[case][quantity], expected) < 1e-9, quantity
+
+
+@pytest.mark.parametrize("what", ["blocks", "factor"])
+def test_options_for_blocks_and_factors_reach_them(several, serial, what):
+    assert several["options"][what][""] == serial["options"][what][""] == [1.0]
+
+
+@pytest.mark.parametrize("what", ["outside", "lost", "inverted", "surface outside", "size"])
 def test_what_goes_wrong_on_one_rank_stops_all(several, what):
     assert several["refusals"][what][""] == [1.0]
