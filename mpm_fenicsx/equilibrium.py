@@ -151,9 +151,9 @@ class Equilibrium:
                 motion.u.x.array[known.dofs] = known.before[1] / factor
             self.assemble_tangent()
             self.refresh(None)
-            self.correct()
+            self._solve()
         self._bent = True
-        found = factor * motion.u.x.array
+        found = factor * (motion.u.x.array + self.increment.x.array)
         motion.u.x.array[:] = 0.0
         return found
 
@@ -163,6 +163,7 @@ class Equilibrium:
             self._clear()
             self.motion.u.x.array[:] = 0.0
             self.refresh(internal)
+        fenicsx.share(self.force)
         return self.force.x.array / self._known
 
     def _clear(self) -> None:
@@ -218,6 +219,7 @@ class Equilibrium:
     def correct(self) -> None:
         """Add K⁻¹ of the residual to the motion's u."""
         self._solve()
+        self.solves, self.iterations = self.solves + 1, self._iterations
         self.motion.u.x.array[:] += self.increment.x.array
 
     def _solve(self) -> None:
@@ -228,9 +230,9 @@ class Equilibrium:
                 self._rescue = linear_solver(self.part.matrix, self.motion, RESCUE)
             self._rescue.setOperators(self.part.matrix)
             reason, self.rescues = self._run(self._rescue), self.rescues + 1
-        self.solves, self.iterations = self.solves + 1, self.ksp.getIterationNumber()
+        self._iterations = self.ksp.getIterationNumber()
         if reason < 0 or not np.isfinite(self.part.x.norm()):
-            raise SolverError(f"linear solver stopped with PETSc reason {reason} after {self.iterations} iterations; "
+            raise SolverError(f"linear solver stopped with PETSc reason {reason} after {self._iterations} iterations; "
                               f"{self.largest()}")
         self.part.give(self.increment.x.array[: self._owned])
         fenicsx.share(self.increment)

@@ -31,7 +31,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from mpm_fenicsx import DM_G, DM_GC, DM_GCL, GIMP, MPM, GeneralizedAlpha, Simulation
+from mpm_fenicsx import DM_G, DM_GC, DM_GCL, GIMP, MPM, AccelerationCorrection, GeneralizedAlpha, Simulation
 from mpm_fenicsx.projection import DOUBLE_MAPPED
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -103,6 +103,8 @@ def _changed(run: Simulation, weight: Callable[[np.ndarray], np.ndarray]) -> Sim
 
 
 PAPERS = replace(DM_GC, mass=DOUBLE_MAPPED)
+UNCORRECTED = {"sweeps": 1, "correction": AccelerationCorrection.OFF}
+"""What the rows are of: corrections are compared in numerical_damping.py."""
 CHANGES = {"as it is": (DM_GC, lambda run: run), "the paper's": (PAPERS, across), "polynomials across": (DM_GC, across),
            "mass by (7)": (PAPERS, lambda run: run), "patch in the interior only": (DM_GC, interior),
            "half DM-G's": (DM_GC, half)}
@@ -121,7 +123,7 @@ def cases(quick: bool) -> Iterator[tuple[dict, Callable[[], dict]]]:
         row = {"motion": "at rest", "scene": scene, "mapping": str(mapping), "sweeps": 1, "offset": 0.0, "radius": 1.0,
                "start": 0.0, "strain": "as it is", "courant": courant} | where | labels
         return row, lambda: growth(
-            StepMap(change(SCENES[scene](mapping, step(courant), **where))).matrix, courant)
+            StepMap(change(SCENES[scene](mapping, step(courant), **(UNCORRECTED | where)))).matrix, courant)
 
     for courant in numbers:
         for mapping in MAPPINGS:
@@ -146,7 +148,7 @@ def cases(quick: bool) -> Iterator[tuple[dict, Callable[[], dict]]]:
                 row = {"motion": "0.3 cells a step", "scene": "bar, free", "mapping": str(mapping), "sweeps": 1,
                        "offset": 0.0, "radius": ρ, "start": 0.0, "strain": "as it is", "courant": courant}
                 yield row, lambda m=mapping, ρ=ρ, courant=courant: growth(
-                    crossing(m, alpha(ρ, 0.0)(courant), cells=4 if quick else 14), courant, 10)
+                    crossing(m, alpha(ρ, 0.0)(courant), cells=4 if quick else 14, **UNCORRECTED), courant, 10)
 
 
 def table(rows: list[dict]) -> Table:

@@ -12,15 +12,16 @@ from mpi4py import MPI  # noqa: F401  before petsc4py: it loads the MPI library 
 
 from petsc4py import PETSc
 
-PIECES = ("locate", "project", "predict", "load", "force", "assemble", "factor", "solve", "recover", "carry", "record",
-          "other")
+PIECES = ("locate", "project", "predict", "load", "force", "assemble", "factor", "solve", "recover", "correct",
+          "carry", "record", "other")
 POINTS = ("locate", "project", "recover", "carry")  # the points' own work, as the issue counts it
 
 
 class Bill:
     """Seconds of each piece of a run's steps, without the pieces inside it.
 
-    ``force``: internal force and residual; ``assemble``: K; ``factor``: PETSc's preconditioner; ``other``: the rest.
+    ``force``: internal force and residual; ``assemble``: K; ``factor``: PETSc's preconditioner; ``correct``: accelerations
+    made to fit the points' force, its solve included; ``other``: the rest.
     """
 
     def __init__(self, run):
@@ -39,6 +40,8 @@ class Bill:
             self._watch(run, "solve", "force")
             for owner in (*run.composites, *run.stencils):
                 self._watch(owner, "gradient_at_points", "recover")
+            if run.correction is not None:
+                self._watch(run.correction, "correct", "correct")
         PETSc.Log.begin()
         self._factor = PETSc.Log.Event("PCSetUp")
 

@@ -35,7 +35,7 @@ class Clock:
 
 def a_run(clock):
     """A run whose pieces take 1, 2, 4, … seconds; the recovery is called inside carry, the solver inside solve."""
-    run = SimpleNamespace(bodies=[1], stencils=[SimpleNamespace(gradient_at_points=clock.work(1))], composite=None)
+    run = SimpleNamespace(bodies=[1], stencils=[SimpleNamespace(gradient_at_points=clock.work(1))], composites=[], correction=None)
     run.scene = SimpleNamespace(prepare=clock.work(2))
     e = run.equilibrium = SimpleNamespace(assemble_tangent=clock.work(4), correct=clock.work(8))
     e.solve = clock.work(16, lambda: e.assemble_tangent(), lambda: e.correct())
@@ -53,7 +53,7 @@ def test_each_piece_is_counted_without_the_pieces_inside_it(monkeypatch):
     monkeypatch.setattr(time, "perf_counter", lambda: clock.now)
     found = Bill(a_run(clock)).block(3)
     assert found == {"recover": 1, "load": 2, "assemble": 4, "solve": 8, "force": 16 + 256, "locate": 32, "project": 64,
-                     "predict": 128, "carry": 512, "record": 1024, "other": 2048, "factor": 0}
+                     "predict": 128, "correct": 0, "carry": 512, "record": 1024, "other": 2048, "factor": 0}
     assert total(found) == clock.now / 3
 
 
