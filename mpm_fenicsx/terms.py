@@ -12,9 +12,9 @@ from dolfinx import fem
 from ufl import inner
 
 from . import forms
-from .checks import finite, one_of, positive
+from .checks import one_of, positive
 from .grid import GridSurface
-from .loads import combined
+from .loads import combined, of_time
 from .motion import Motion
 from .points import SurfacePoints
 from .scene import Contribution, Scene
@@ -71,8 +71,8 @@ class Fixed:
         axes = "xyz"[: grid.dim]
         moved = np.zeros(1)
         if self.value is not None:
-            self._at(0.0)
-            scene.before.append(lambda start, end: np.copyto(moved, self._at(end) - self._at(start)))
+            at = of_time("value of Fixed", self.value)
+            scene.before.append(lambda start, end: np.copyto(moved, at(end) - at(start)))
         for c in self.components or axes:
             V = grid.space.sub(axes.index(one_of("components", c, axes)))
             dofs = fem.locate_dofs_topological(V, grid.dim - 1, self.on.facets)
@@ -80,9 +80,6 @@ class Fixed:
             if self.value is not None:
                 scene.motion.moved.append((dofs, moved))
         return Contribution()
-
-    def _at(self, t: float) -> float:
-        return finite("value of Fixed", self.value(t))
 
 
 @dataclass(frozen=True)
