@@ -14,6 +14,7 @@ from .equilibrium import Equilibrium
 from .finite_strain_elements import FiniteStrainElements
 from .gauss import GaussPoints
 from .grid import Grid
+from .identity import described
 from .kinematics import FINITE_STRAIN
 from .motion import Motion
 from .newton import Newton
@@ -120,7 +121,7 @@ class FiniteElements(Run):
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one."""
-        return {**super().identity(), "material": repr(self.material), "b_bar": str(self.b_bar)}
+        return {**super().identity(), "material": described(self.material), "b_bar": str(self.b_bar)}
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 

@@ -207,9 +207,8 @@ class PointPatch:
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
         found = {"x": self.points.x, "normal": self.points.normal, "area": self.points.area, "cell": self._cell}
-        if self.points.displacement is not None:
-            found["displacement"] = self.points.displacement
-        return found
+        more = {"displacement": self.points.displacement, "rest_area": self.points.rest_area}
+        return {**found, **{name: value for name, value in more.items() if value is not None}}
 
 
 patch.register(GridSurface)(FacetPatch)

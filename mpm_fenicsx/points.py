@@ -27,6 +27,7 @@ class SurfacePoints:
     area: np.ndarray
     displacement: np.ndarray | None = None  # since the start; only where a spring asks for it
     per_face: int = 1
+    rest_area: np.ndarray | None = field(default=None, repr=False)  # (n,): at the start; only for dead loads
 
     def __post_init__(self) -> None:
         self.x, self.normal, self.area = (np.array(v, float, order="C") for v in (self.x, self.normal, self.area))
@@ -41,6 +42,11 @@ class SurfacePoints:
         if self.per_face not in (1, 2 ** (self.x.shape[1] - 1)) or len(self) % self.per_face:
             raise ValueError(f"per_face must be 1 or {2 ** (self.x.shape[1] - 1)}, with whole faces, got "
                              f"{self.per_face} for {len(self)} points")
+
+    def remember_area(self) -> None:
+        """Take the areas as they are for those at the start, unless there are such already."""
+        if self.rest_area is None:
+            self.rest_area = self.area.copy()
 
     def __len__(self) -> int:
         return len(self.x)

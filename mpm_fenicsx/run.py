@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,10 +15,13 @@ from .checkpoint import restart
 from .checks import finite
 from .failure import OutputError, RunError
 from .grid import Grid
+from .identity import described
 from .newton import SolverError
 from .statics import Statics
 from .time_stepping import Newmark, QuasiStatic
 
+WHOLE = 1e-6
+"""Of a step: so near to a whole number of steps is one, for times are sums and quotients of rounded numbers."""
 FIELDS = ("displacement", "velocity", "acceleration", "stress")
 
 
@@ -128,7 +132,8 @@ class Run(Statics):
         order = zlib.crc32(np.ascontiguousarray(fenicsx.cell_dofs(grid.space)), nodes)
         return {"run": self.name, "stepping": repr(self.stepping),
                 "grid": f"{grid.cells} cells in {grid.dim}D, {grid.nodes} nodes, places and order {order:08x}",
-                "terms": ", ".join(type(term).__name__ for term in self.terms)}
+                "terms": ", ".join(type(term).__name__ for term in self.terms),
+                **{f"term {n}, {type(term).__name__}": described(term) for n, term in enumerate(self.terms)}}
 
     def restart(self, path: str | os.PathLike) -> None:
         """Go on from the step of a checkpoint, bit for bit as the run that wrote it.
@@ -142,8 +147,19 @@ class Run(Statics):
         restart(self, path)
 
     def until(self, t: float, progress: Callable[[int], None] | None = None) -> None:
-        """Step until time ``t`` (s); ``progress`` is called with the number of steps done."""
-        last = round(finite("t", t) / self.stepping.dt)
+        """Step until time ``t`` (s); ``progress`` is called with the number of steps done.
+
+        Where ``t`` is no whole number of steps away, it stops at the nearest one and warns.  Raises ``ValueError`` for
+        a ``t`` that is past.
+        """
+        left = (finite("t", t) - self.time) / self.stepping.dt
+        if left < -WHOLE:
+            raise ValueError(f"t must not be past, {self.name} has come to t = {self.time:.6g}, got {t}")
+        last = self.steps + round(left)
+        if abs(left - round(left)) > WHOLE:
+            stop = self.time + round(left) * self.stepping.dt
+            warnings.warn(f"until({t}) stops at t = {stop:.6g}: from t = {self.time:.6g} it is no whole number of "
+                          f"steps of {self.stepping.dt:.6g}", UserWarning, stacklevel=2)
         while self.steps < last:
             self.step()
             if progress is not None:

@@ -14,6 +14,7 @@ from .failure import RunError
 from .finite_strain import finite_strain_of
 from .gauss import GaussPoints
 from .grid import Grid
+from .identity import described
 from .internal_force import ConstantStress, LinearStress
 from .kinematics import FINITE_STRAIN
 from .mapping import DM_GC
@@ -191,7 +192,8 @@ class Simulation(Run):
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one."""
-        bodies = {f"body {n}": f"{len(body)} points of {body.material!r}" for n, body in enumerate(self.bodies)}
+        bodies = {f"body {n}": f"{len(body)} points of {described(body.material)}"
+                  for n, body in enumerate(self.bodies)}
         return {**super().identity(), **bodies, "b_bar": str(self.gauss is not None)}
 
     # -- what recorders ask for -----------------------------------------------------------------------------------

@@ -113,7 +113,8 @@ class DeadLoad(Traction):
 
     ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim).  A traction is per area as it is: under one
     that keeps its direction the walls of a crater stretch, bear more, and stretch the faster.  On facets of the grid,
-    which do not stretch, the two are one.
+    which do not stretch, the two are one.  The start is when surface points meet their first DeadLoad in a run: later
+    runs keep their ``rest_area``.
     """
 
     def _load(self, scene: Scene, patch) -> Callable:
@@ -121,8 +122,8 @@ class DeadLoad(Traction):
         on = self.on
         if isinstance(on, GridSurface):
             return partial(patch.load, function, placed)
-        start = on.area.copy()
-        return partial(patch.load, lambda t, x: function(t, x) * (start / on.area)[:, None], True)
+        on.remember_area()
+        return partial(patch.load, lambda t, x: function(t, x) * (on.rest_area / on.area)[:, None], True)
 
 
 @dataclass(frozen=True)

@@ -224,6 +224,20 @@ def test_a_dead_load_keeps_its_force_where_the_surface_stretches(dim, rng):
         np.testing.assert_allclose(found, force[type(term)], rtol=1e-12)
 
 
+def test_a_dead_load_keeps_its_force_in_the_next_run(rng):
+    """The area at the start is that of the first run, be the second one built on a surface that has stretched."""
+    grid = dense.uneven(2)
+    on = markers(grid, rng)
+    force = on.area.sum() * np.array([1.0, 2.0])
+    system(grid, DeadLoad(on, (1.0, 2.0)))
+    on.area *= 4.0
+    R, _, scene = system(grid, DeadLoad(on, (1.0, 2.0)))
+    np.testing.assert_allclose(-R.reshape(-1, 2).sum(axis=0), force, rtol=1e-12)
+    kept = scene.patch(on).state()["rest_area"]
+    assert kept is on.rest_area  # it goes into checkpoints
+    assert "rest_area" not in dense.bare_scene(grid, STEPPING).patch(markers(grid, rng)).state()
+
+
 def test_a_dead_load_refuses_what_is_no_load(rng):
     with pytest.raises(ValueError, match="value of DeadLoad must give 2 finite numbers, got 'heavy'"):
         system(dense.uneven(2), DeadLoad(markers(dense.uneven(2), rng), "heavy"))
