@@ -15,6 +15,7 @@ from .impact import nodal_mass, stop
 from .newton import SolverError
 from .points import SurfacePoints
 from .run import Run
+from .scene_checks import pairs_of
 from .simulation import Simulation
 from .time_stepping import Newmark, QuasiStatic
 
@@ -44,12 +45,7 @@ class Contact(Run):
     """
 
     def __init__(self, *bodies: tuple[Simulation, SurfacePoints]):
-        if len(bodies) < 2:
-            raise ValueError(f"bodies: contact takes two or more pairs (Simulation, SurfacePoints), got {len(bodies)}")
-        for run, surface in bodies:
-            if not isinstance(run, Simulation) or not isinstance(surface, SurfacePoints):
-                raise ValueError(f"bodies: contact takes pairs (Simulation, SurfacePoints), got "
-                                 f"({type(run).__name__}, {type(surface).__name__})")
+        bodies = pairs_of(bodies, Simulation, SurfacePoints)
         runs = self.runs = [run for run, _ in bodies]
         first = runs[0]
         if len({id(run) for run in runs}) < len(runs):

@@ -10,16 +10,19 @@ from dolfinx import fem
 from ufl import inner
 
 from . import fenicsx, kernels, tensors
+from .checks import an_object
 from .equilibrium import Equilibrium
 from .finite_strain_elements import FiniteStrainElements
 from .gauss import GaussPoints
 from .grid import Grid
 from .identity import described
 from .kinematics import FINITE_STRAIN
+from .law_checks import check_law
 from .motion import Motion
 from .newton import Newton
 from .run import Run
 from .scene import Scene
+from .scene_checks import check_options
 from .terms import elastic_work, elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
 from .yielding import Yielding, YieldingElements
@@ -41,6 +44,8 @@ class FiniteElements(Run):
                  solver: Mapping[str, object] | None = None, b_bar: bool = False,
                  start: FiniteElements | None = None):
         super().__init__("FE", grid, stepping, terms)
+        check_options(newton, solver, reassemble=reassemble, b_bar=b_bar)
+        check_law(material, grid.dim, "update")
         self.material, self.b_bar = material, b_bar
         self.reassemble = reassemble or material.kinematics is FINITE_STRAIN
         motion = self.motion = Motion(grid, stepping)
@@ -97,6 +102,7 @@ class FiniteElements(Run):
         return self.equilibrium.support(None)
 
     def _go_on_from(self, start: FiniteElements) -> None:
+        an_object("start", start, FiniteElements, "a finite element run")
         if (start.grid, start.material, start.b_bar) != (self.grid, self.material, self.b_bar):
             raise ValueError("start must be a finite element run on the same grid, of the same material, b_bar alike")
         fields = [(self.displacement, start.displacement)]

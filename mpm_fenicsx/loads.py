@@ -118,7 +118,7 @@ def takes_place(function: Callable) -> bool | str | None:
 def numbers(value) -> np.ndarray | None:
     """An array of floats, a copy, or None for what is none."""
     try:
-        return np.array(value, float)
+        return None if value is None else np.array(value, float)
     except (TypeError, ValueError):
         return None
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from . import tensors
-from .checks import finite, one_of, whole
+from .checks import array, finite, one_of, whole
 from .kernels import digits
 from .lattice import SIDES
+from .law_checks import check_law
 
 
 @dataclass
@@ -30,7 +31,7 @@ class SurfacePoints:
     rest_area: np.ndarray | None = field(default=None, repr=False)  # (n,): at the start; only for dead loads
 
     def __post_init__(self) -> None:
-        self.x, self.normal, self.area = (np.array(v, float, order="C") for v in (self.x, self.normal, self.area))
+        self.x, self.normal, self.area = (array(n, getattr(self, n)) for n in ("x", "normal", "area"))
         if self.x.ndim != 2 or self.normal.shape != self.x.shape or self.area.shape != self.x.shape[:1]:
             raise ValueError(f"surface points need x (n, dim), normal (n, dim), area (n,), got "
                              f"{self.x.shape}, {self.normal.shape}, {self.area.shape}")
@@ -85,10 +86,11 @@ class MaterialPoints:
     mass: np.ndarray = field(init=False)
 
     def __post_init__(self) -> None:
-        self.x = np.array(self.x, float, order="C")
+        self.x = array("x", self.x)
         if self.x.ndim != 2 or self.dim not in (2, 3):
             raise ValueError(f"x must be (n, 2) or (n, 3), got {self.x.shape}")
         n, dim = self.x.shape
+        check_law(self.material, dim)
         if self.history is None and self.material.history:
             self.history = np.zeros((n, len(self.material.history)))
         if self.stress is None:
@@ -97,8 +99,8 @@ class MaterialPoints:
                   "velocity": (n, dim), "acceleration": (n, dim),
                   "history": (n, len(self.material.history)), "size": (n,)}
         for name, shape in shapes.items():
-            if getattr(self, name) is not None:
-                value = np.array(getattr(self, name), float, order="C")
+            if getattr(self, name) is not None or name in ("half", "volume"):
+                value = array(name, getattr(self, name))
                 if value.shape != shape:
                     raise ValueError(f"{name} must have the shape {shape} to fit x, got {value.shape}")
                 if not np.isfinite(value).all():
@@ -129,8 +131,12 @@ class MaterialPoints:
         at random by up to that fraction of their spacing.  Raises ``ValueError`` for a body without points, a
         ``per_cell`` that is no k^dim, or an ``inside`` of the wrong shape.
         """
+        if not hasattr(grid, "owned_cells"):
+            raise ValueError(f"grid must be a Grid, such as Grid.box((0, 0), (2, 1), (20, 10)), got {grid!r}")
         dim = grid.dim
+        check_law(material, dim)
         whole("per_cell", per_cell)
+        whole("seed", seed, least=0)
         k = round(per_cell ** (1 / dim))
         if k**dim != per_cell:
             raise ValueError(f"per_cell must be a {'square' if dim == 2 else 'cube'} of a whole number, got {per_cell}")
@@ -141,11 +147,7 @@ class MaterialPoints:
         x = lattice.lower[:, None] + (place + 0.5) * spacing[:, None]
         body = np.ones(x.shape[:2], dtype=bool)  # of ghost cells too, which tell what is exposed
         if inside is not None:
-            n = body.size
-            answer = np.asarray(inside(x.reshape(n, dim).T))
-            if answer.shape != (n,):
-                raise ValueError(f"inside must map (dim, n) to (n,), gave {answer.shape} for n={n}")
-            body = answer.astype(bool).reshape(body.shape)
+            body = _chosen("inside", inside, x.reshape(body.size, dim)).reshape(body.shape)
         exposed = np.zeros((*body.shape, dim, 2), dtype=bool)
         for d in range(dim):
             for end in range(2):
@@ -216,10 +218,20 @@ class MaterialPoints:
         centre = self.x if self.seat is None else self.seat
         x, half = centre[rows] + normal * self.half[rows], self.half[rows]
         if where is not None:
-            keep = np.asarray(where(x.T), dtype=bool)
+            keep = _chosen("where", where, x)
             x, half = x[keep], half[keep]
         area = (2 * np.delete(half, d, axis=1)).prod(axis=1)
         gauss = (2 * digits(2, self.dim - 1) - 1) / np.sqrt(3)
         gauss = np.insert(gauss, d, 0.0, axis=1)
         place = (x[:, None] + gauss * half[:, None]).reshape(-1, self.dim)
         return place, np.broadcast_to(normal, place.shape), np.repeat(area / len(gauss), len(gauss))
+
+
+def _chosen(name: str, function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Which of the places x (n, dim) a function of x (dim, n) chooses, bool (n,)."""
+    if not callable(function):
+        raise ValueError(f"{name} must be a function of x (dim, n), got {function!r}")
+    answer = np.asarray(function(x.T))
+    if answer.shape != (len(x),):
+        raise ValueError(f"{name} must map (dim, n) to (n,), gave {answer.shape} for n={len(x)}")
+    return answer.astype(bool)

@@ -9,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 
 from . import fenicsx
-from .checks import one_of
+from .checks import array, one_of
 from .grid import Grid
 from .run import FIELDS, Run
 
@@ -56,7 +56,7 @@ class Probe(Series):
 
     def __init__(self, field: str, at):
         super().__init__()
-        self.field, self.at = one_of("field", field, FIELDS), np.array(at, float)
+        self.field, self.at = one_of("field", field, FIELDS), array("at", at)
 
     @property
     def label(self) -> str:

@@ -17,6 +17,7 @@ from .failure import OutputError, RunError
 from .grid import Grid
 from .identity import described
 from .newton import SolverError
+from .scene_checks import check_run, terms_of
 from .statics import Statics
 from .time_stepping import Newmark, QuasiStatic
 
@@ -29,7 +30,8 @@ class Run(Statics):
     """Steps in time and calls recorders after each step."""
 
     def __init__(self, name: str, grid: Grid, stepping: Newmark | QuasiStatic, terms: Sequence):
-        self.name, self.grid, self.stepping, self.terms = name, grid, stepping, list(terms)
+        check_run(grid, stepping)
+        self.name, self.grid, self.stepping, self.terms = name, grid, stepping, terms_of(terms)
         self.steps = 0
         self.recorders: list[Callable] = []
         self.collectors: list = []
@@ -106,6 +108,8 @@ class Run(Statics):
         One that has ``state()``, arrays by name, and ``restore(state)`` goes on with its record after ``restart``.
         Raises ``OutputError`` where it cannot write.
         """
+        if isinstance(recorder, type) or not callable(recorder) or not hasattr(recorder, "attach"):
+            raise ValueError(f"recorder must be an object such as Energy() or Probe(field, at), got {recorder!r}")
         try:
             recorder.attach(self)
         except OSError as error:
@@ -152,6 +156,8 @@ class Run(Statics):
         Where ``t`` is no whole number of steps away, it stops at the nearest one and warns.  Raises ``ValueError`` for
         a ``t`` that is past.
         """
+        if progress is not None and not callable(progress):
+            raise ValueError(f"progress must be a function of the number of steps, got {progress!r}")
         left = (finite("t", t) - self.time) / self.stepping.dt
         if left < -WHOLE:
             raise ValueError(f"t must not be past, {self.name} has come to t = {self.time:.6g}, got {t}")

@@ -28,6 +28,7 @@ from .projection import DOUBLE_MAPPED
 from .properties import Properties
 from .run import Run
 from .scene import Scene
+from .scene_checks import bodies_of, check_mapping, check_options
 from .shapes import Stencil
 from .terms import elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
@@ -56,9 +57,9 @@ class Simulation(Run):
                  terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
                  sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
                  b_bar: bool = False, reuse: float = 0.0, balanced: bool = False):
-        self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
-        if not self.bodies:
-            raise ValueError("points: there is no body")
+        self.bodies = bodies_of(points)
+        check_mapping(mapping, transfer)
+        check_options(newton, solver, b_bar=b_bar, balanced=balanced)
         if b_bar and mapping.integrate is not DOUBLE_MAPPED:
             raise ValueError(f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the points")
         super().__init__(mapping.name, grid, stepping, terms)

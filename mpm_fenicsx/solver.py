@@ -36,7 +36,12 @@ def linear_solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | 
     for key, value in chosen.items():
         store[key] = value
     ksp.setOperators(A)
-    ksp.setFromOptions()
-    for key in chosen:
-        del store[key]
+    try:
+        ksp.setFromOptions()
+    except PETSc.Error as error:
+        raise ValueError(f"solver: PETSc takes none of this kind, or not with these values, got {options} (error code "
+                         f"{error.ierr})") from None
+    finally:
+        for key in chosen:
+            del store[key]
     return ksp

@@ -14,6 +14,7 @@ from ufl import inner
 from . import forms
 from .checks import one_of, positive
 from .grid import GridSurface
+from .law_checks import has
 from .loads import combined, of_time
 from .motion import Motion
 from .points import SurfacePoints
@@ -69,6 +70,8 @@ class Fixed:
         if self.on.grid is not grid:
             raise ValueError(f"on: the facets {self.on.names} belong to another grid")
         axes = "xyz"[: grid.dim]
+        if self.components is not None and not (isinstance(self.components, str | tuple | list) and self.components):
+            raise ValueError(f"components must be one or several of {axes} in a text, got {self.components!r}")
         moved = np.zeros(1)
         if self.value is not None:
             at = of_time("value of Fixed", self.value)
@@ -191,6 +194,7 @@ class Viscous:
         if not scene.motion.stepping.dynamic:
             raise ValueError(f"{type(self).__name__} needs velocities: step with Newmark")
         patch, motion, soil = scene.patch(self.on), scene.motion, self.material
+        has(f"material of {type(self).__name__}", soil, ("density", "p_speed", "s_speed", "lame"))
         Z = patch.tensor(soil.density * soil.p_speed, soil.density * soil.s_speed)
         return Contribution(forms.dashpot(Z, motion.velocity, motion.w) * patch.measure, lambda: {
             "absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure})
