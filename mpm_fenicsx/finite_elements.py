@@ -23,6 +23,7 @@ from .newton import Newton
 from .run import Run
 from .scene import Scene
 from .scene_checks import check_options
+from .supports import refuse_disagreement
 from .terms import elastic_work, elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
 from .yielding import Yielding, YieldingElements
@@ -57,6 +58,7 @@ class FiniteElements(Run):
         internal = [elasticity(scene, scene.dx, λ, μ, self.displacement, b_bar)]
         internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]
+        refuse_disagreement(scene, self.terms)
         if not reassemble:
             direct = "mumps" if grid.comm.size > 1 else "petsc"
             solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": direct,

@@ -30,6 +30,7 @@ from .run import Run
 from .scene import Scene
 from .scene_checks import bodies_of, check_mapping, check_options
 from .shapes import Stencil
+from .supports import refuse_disagreement
 from .terms import elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
 from .velocities import Deposit, trapezoidal
@@ -79,6 +80,7 @@ class Simulation(Run):
         internal = [elasticity(scene, given.stiffness_dx, λ, μ, b_bar=b_bar)]
         internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]
+        refuse_disagreement(scene, self.terms)
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton,
