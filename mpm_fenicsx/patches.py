@@ -185,12 +185,16 @@ class PointPatch:
 
         return ufl.as_vector(self._field(self.grid.dim, values))
 
-    def prepare(self, start: float, end: float) -> None:
-        """Find the points and bring coefficients to the step."""
+    def locate(self) -> None:
+        """Find the points, and cut their faces where grid lines cross them."""
         self.grid.walk(self._inward(), self._cell)
         self._check()
         self.stencil.place(self.points.x, None, self._cell)
         self._refuse(self.faces.place(self.stencil))
+
+    def prepare(self, start: float, end: float) -> None:
+        """Find the points and bring coefficients to the step."""
+        self.locate()
         self._cover(np.unique(self.faces.stencil.cell))
         for refresh in self._refresh:
             refresh(start, end)

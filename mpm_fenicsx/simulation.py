@@ -26,6 +26,7 @@ from .partition import anywhere
 from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
 from .properties import Properties
+from .reach import check_reach
 from .run import Run
 from .scene import Scene
 from .scene_checks import bodies_of, check_mapping, check_options
@@ -81,6 +82,7 @@ class Simulation(Run):
         internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]
         refuse_disagreement(scene, self.terms)
+        check_reach(scene, self.terms, self.bodies, self.cells, self.stencils)
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton,

@@ -330,8 +330,8 @@ def test_supports_that_move_a_corner_in_two_ways_are_refused_by_name_and_place(d
     left, bottom = grid.facets("left"), grid.facets("bottom")
     for first, second in ((None, lambda t: 2.0 * t), (lambda t: t, lambda t: 2.0 * t), (lambda t: 2.0 * t, None)):
         for make in both_kinds(grid, [Fixed(left, "x", first), Fixed(bottom, value=second)]):
-            with pytest.raises(ValueError, match=r"Fixed on left and Fixed on bottom share the node x=\[0\. 0\.( 0\.)?\] "
-                                                 r"in x, and move it by .* from t = 0 to 0\.01"):
+            with pytest.raises(ValueError, match=r"Fixed on left and Fixed on bottom share the node "
+                                                 r"x=\[0\. 0\.( 0\.)?\] in x, and move it by .* from t = 0 to 0\.01"):
                 make()
 
 
