@@ -10,6 +10,7 @@ from dolfinx import fem
 from ufl import inner
 
 from . import fenicsx, kernels, tensors
+from .b_bar_checks import warn_of_laws
 from .checks import an_object
 from .equilibrium import Equilibrium
 from .finite_strain_elements import FiniteStrainElements
@@ -63,6 +64,8 @@ class FiniteElements(Run):
             direct = "mumps" if grid.comm.size > 1 else "petsc"
             solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": direct,
                       **(solver or {})}
+        if b_bar:
+            warn_of_laws([material])
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
         if start is not None:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from .b_bar_checks import warn_of_points
 from .checks import finite
 from .composite import Composite
 from .entry import enter
@@ -26,7 +27,7 @@ from .partition import anywhere
 from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
 from .properties import Properties
-from .reach import check_reach
+from .reach import check_reach, partly_filled
 from .run import Run
 from .scene import Scene
 from .scene_checks import bodies_of, check_mapping, check_options
@@ -98,6 +99,9 @@ class Simulation(Run):
                 for name in ("velocity", "acceleration"):
                     value = getattr(body, name)
                     setattr(body, name, np.zeros_like(body.x) if value is None else np.array(value, float))
+        if b_bar:
+            warn_of_points([body.material for body in self.bodies], partly_filled(grid, self.bodies, self.cells),
+                           stepping.dynamic)
         self.mismatch = Mismatch(self.equilibrium, self.deposit) if balanced else None
 
     # -- the step -----------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ FLOORS = {
     "files": 0, "failure": 0, "checkpoint": 1, "compiling": 1, "fenicsx": 1, "partition": 1, "grid": 1, "region": 1,
     "forms": 1, "output": 1,
     "shapes": 2, "composite": 2, "projection": 2, "motion": 2, "scene": 2, "terms": 2, "mapping": 2, "ghost_penalty": 2,
-    "loads": 0, "law_checks": 0, "identity": 2, "scene_checks": 2, "reach": 2, "supports": 2,
+    "loads": 0, "law_checks": 0, "identity": 2, "scene_checks": 2, "reach": 2, "b_bar_checks": 0, "supports": 2,
     "reactions": 2, "gauss": 2, "velocities": 2, "yielding": 2, "yielding_at_points": 2, "equilibrium": 2,
     "part": 2, "solver": 2, "update": 2, "mismatch": 2, "entry": 2,
     "properties": 2, "kept": 2, "internal_force": 2, "patches": 2, "faces": 2, "finite_strain": 2,
