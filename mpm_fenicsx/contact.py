@@ -194,6 +194,10 @@ class Contact(Run):
         return np.concatenate(places), lambda rows: np.concatenate(
             [read(np.arange(len(place))) for place, read in zip(places, reads, strict=True)])[rows]
 
+    def holds(self, at: np.ndarray) -> bool:
+        """Whether a place (dim,), m, lies in one of the bodies."""
+        return any(run.holds(at) for run in self.runs)
+
     @property
     def contributions(self) -> list:
         """None: their forms are integrals over one body each."""

@@ -17,6 +17,7 @@ from .finite_strain_elements import FiniteStrainElements
 from .gauss import GaussPoints
 from .grid import Grid
 from .identity import described
+from .inside import in_mesh
 from .kinematics import FINITE_STRAIN
 from .law_checks import check_law
 from .motion import Motion
@@ -149,6 +150,10 @@ class FiniteElements(Run):
         values = motion.nodal(known[field])
         owned = grid.space.dofmap.index_map.size_local
         return grid.space.tabulate_dof_coordinates()[:owned, : grid.dim], lambda rows: values[rows]
+
+    def holds(self, at: np.ndarray) -> bool:
+        """Whether a place (dim,), m, lies in one of this rank's cells."""
+        return in_mesh(self.grid, at)
 
     def stress(self, cells: np.ndarray) -> np.ndarray:
         """Stress rows (n, components), Pa, at the centres of ``cells``."""

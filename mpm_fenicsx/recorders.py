@@ -51,7 +51,8 @@ class Probe(Series):
     ``field``: displacement since attaching (m), velocity (m/s), acceleration (m/s²) or stress (Pa, rows as in
     ``tensors``); ``at`` (dim,), m, when attached.  The value is a weighted mean of the samples nearest to ``at`` (in
     cells), exact for linear fields: material points or, in a finite element run, cell centres for stress and nodes for
-    the rest.  Raises ``ValueError`` for a field that is not known or a place that is none.
+    the rest.  Raises ``ValueError`` for a field that is not known, or a place that is none or lies outside the body: by
+    more than half a support domain from the outermost, or outside the mesh.
     """
 
     def __init__(self, field: str, at):
@@ -68,6 +69,8 @@ class Probe(Series):
         if self.at.shape != (run.grid.dim,) or not np.isfinite(self.at).all():
             raise ValueError(f"at must be {run.grid.dim} finite coordinates, got {self.at}")
         places, self._read = run.sampler(self.field)
+        if not any(run.grid.comm.allgather(run.holds(self.at))):
+            raise ValueError(f"at must lie inside the body, got {self.at}; {_closest(places, self.at, run.grid.comm)}")
         h = _cell_size(run.grid)
         self._rows, self._weights = _nearest(places / h, self.at / h, run.grid.comm)
         self._start = self._read(self._rows) if self.field == "displacement" else np.zeros(())
@@ -153,6 +156,15 @@ def _cell_size(grid: Grid) -> np.ndarray:
     """Mean extents of the cells (dim,), m: the measure of what is near."""
     x = grid.mesh.geometry.x[fenicsx.cell_vertices(grid.mesh)][: grid.owned_cells, :, : grid.dim]
     return grid.comm.allreduce(np.ptp(x, axis=1).sum(axis=0)) / grid.comm.allreduce(grid.owned_cells)
+
+
+def _closest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> str:
+    """The sample of all ranks that is nearest to a place, in words."""
+    distance = np.linalg.norm(places - at, axis=1)
+    row = int(np.argmin(distance)) if len(places) else -1
+    mine = (float(distance[row]), tuple(places[row].tolist())) if len(places) else (np.inf, ())
+    off, place = min(comm.allgather(mine))
+    return f"what it would look at begins {off:.4g} m away, at x={np.array(place)}"
 
 
 def _nearest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:

@@ -98,6 +98,10 @@ class Run(Statics):
         """Places (n, dim) where the run knows a field, and a function from rows to values there."""
         raise NotImplementedError
 
+    def holds(self, at: np.ndarray) -> bool:
+        """Whether a place (dim,), m, lies inside this rank's part of the body."""
+        raise NotImplementedError
+
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's part of the body."""
         raise NotImplementedError

@@ -16,6 +16,7 @@ from .finite_strain import finite_strain_of
 from .gauss import GaussPoints
 from .grid import Grid
 from .identity import described
+from .inside import among
 from .internal_force import ConstantStress, LinearStress
 from .kinematics import FINITE_STRAIN
 from .mapping import DM_GC
@@ -218,6 +219,10 @@ class Simulation(Run):
             return (np.concatenate(values) if len(values) > 1 else values[0])[rows]
 
         return np.concatenate([body.x for body in self.bodies]), read
+
+    def holds(self, at: np.ndarray) -> bool:
+        """Whether a place (dim,), m, lies among this rank's material points."""
+        return among(self.bodies, at)
 
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's points."""
