@@ -21,8 +21,8 @@ from .terms import Fixed, Traction, Viscous
 
 TRACE = 1e-6
 """Of the volume around a node: with less than that of material it has none, for it is thrown about by round-off."""
-WHOLE = 1e-6
-"""Of an area: what is lost beyond that is told."""
+WHOLE = 1e-3
+"""Of an area: what is lost beyond that is told; slivers of a body beyond a grid line lose less."""
 FULL = 1e-3
 """Of a cell: what lacks less is full."""
 

@@ -194,7 +194,7 @@ class Viscous:
         if not scene.motion.stepping.dynamic:
             raise ValueError(f"{type(self).__name__} needs velocities: step with Newmark")
         patch, motion, soil = scene.patch(self.on), scene.motion, self.material
-        has(f"material of {type(self).__name__}", soil, ("density", "p_speed", "s_speed", "lame"))
+        has(f"material of {type(self).__name__}", soil, ("density", "p_speed", "s_speed"))
         Z = patch.tensor(soil.density * soil.p_speed, soil.density * soil.s_speed)
         return Contribution(forms.dashpot(Z, motion.velocity, motion.w) * patch.measure, lambda: {
             "absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure})
@@ -216,6 +216,7 @@ class Viscoelastic(Viscous):
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work ∫ (Z v + k u)·w, and the energy absorbed and stored."""
         viscous = super().bind(scene)
+        has("material of Viscoelastic", self.material, ("lame",))
         patch, motion = scene.patch(self.on), scene.motion
         G = self.material.lame[1]
         stiffness = 2 * G / self.radius, G / (2 * self.radius)

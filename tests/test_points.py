@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_fenicsx import Grid, LinearElastic, MaterialPoints, SurfacePoints
+from mpm_fenicsx import Fixed, Grid, LinearElastic, MaterialPoints, QuasiStatic, Simulation, SurfacePoints, Traction
 
 SOIL = LinearElastic(young=5e6, poisson=0.3, density=1800.0)
 few = settings(max_examples=30, deadline=None)
@@ -250,6 +250,19 @@ def test_two_steps_of_a_surface_are_one(grid, soil):
 def test_surface_points_that_make_no_sense_are_refused(x, normal, area, words):
     with pytest.raises(ValueError, match=words):
         SurfacePoints(x, np.array(normal, float), area)
+
+
+@pytest.mark.parametrize(("per_cell", "low", "high"), [(4, 0.06, 0.10), (16, 0.015, 0.04)])
+def test_jitter_costs_what_fill_says(per_cell, low, high):
+    """A block on rollers under 500 Pa: 6 to 10 % off with 4 points a cell, 2 to 4 % with 16, on either grid."""
+    for n in (4, 8):
+        grid = Grid.box((0.0, 0.0), (1.0, 1.0), (n, n))
+        body = MaterialPoints.fill(grid, SOIL, per_cell, jitter=0.3)
+        rollers = Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")
+        run = Simulation(grid, body, QuasiStatic(1), [*rollers, Traction(grid.facets("top"), (0.0, -500.0))])
+        run.step()
+        run.settle()
+        assert low < np.sqrt(((body.stress[:, 1] + 500.0) ** 2).mean()) / 500.0 < high
 
 
 # -- staircases -----------------------------------------------------------------------------------------------------
