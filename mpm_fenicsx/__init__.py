@@ -1,7 +1,8 @@
 """Implicit material point method on DOLFINx grids, with boundaries that absorb waves."""
 
-from mpi4py import MPI as _MPI  # noqa: F401  before dolfinx: it loads the MPI library of the wheel
+from . import needs as _needs  # noqa: F401  first: it says what is missing
 
+# isort: split
 from .acceleration_correction import AccelerationCorrection
 from .checkpoint import Checkpoint
 from .contact import Contact

@@ -73,7 +73,7 @@ def write(run, path: Path) -> None:
 
 def restart(run, path: str | os.PathLike) -> None:
     """Set the run to the state in a file; see ``Run.restart``."""
-    comm, path = run.grid.comm, Path(path).absolute()
+    comm, path = run.grid.comm, named(path)
     parts = steps = None
     with failing_together(comm, "checkpoint not read", path):
         if comm.rank == 0:

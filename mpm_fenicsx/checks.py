@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+
+import numpy as np
 
 
 def finite(name: str, value: float) -> float:
@@ -47,3 +49,41 @@ def one_of(name: str, value: str, known: Iterable[str]) -> str:
     if value not in known:
         raise ValueError(f"{name} must be one of {', '.join(known)}, got {value!r}")
     return value
+
+
+def an_object(name: str, value, kind: type | tuple[type, ...], such_as: str):
+    """Return ``value``, or raise ``ValueError`` naming it and what it should be like, if it is not of ``kind``."""
+    if isinstance(value, kind):
+        return value
+    raise ValueError(f"{name} must be {such_as}, got {in_short(value)}")
+
+
+def in_short(value) -> str:
+    """What ``value`` is, in a line that a message can bear."""
+    if isinstance(value, type):
+        return f"the class {value.__name__} itself"
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 100 else f"{text[:90]}…"
+
+
+def several(name: str, value, such_as: str) -> list:
+    """Return ``value`` as a list, or raise ``ValueError`` naming it if it cannot be gone through, or is text."""
+    if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
+        raise ValueError(f"{name} must be {such_as}, got {in_short(value)}")
+    return list(value)
+
+
+def array(name: str, value) -> np.ndarray:
+    """Return ``value`` as a new array of floats, or raise ``ValueError`` naming it if it is none."""
+    try:
+        return np.array(value, float, order="C")
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be an array of numbers, got {value!r}") from None
+
+
+def increasing(name: str, value: Sequence[float]) -> np.ndarray:
+    """Return ``value`` as an array of two or more numbers, each larger than the one before, or raise ``ValueError``."""
+    line = array(name, value)
+    if line.ndim != 1 or len(line) < 2 or not np.isfinite(line).all() or not (np.diff(line) > 0).all():
+        raise ValueError(f"{name} must increase, got {value}")
+    return line

@@ -15,6 +15,7 @@ from .impact import nodal_mass, stop
 from .newton import SolverError
 from .points import SurfacePoints
 from .run import Run
+from .scene_checks import pairs_of
 from .simulation import Simulation
 from .time_stepping import Newmark, QuasiStatic
 
@@ -38,18 +39,15 @@ class Contact(Run):
 
     and act on both bodies alike: momentum is exact, and bodies that do not touch, or part, feel nothing.  The
     smaller or finer of two surfaces comes first.  In statics each body needs supports of its own.
-    ``forces`` (bodies, dim), N: of the others on each body, whose sum over steps is the impulse.
+    ``forces`` (bodies, dim), N: of the others on each body, whose sum over steps is the impulse.  In dynamics those of
+    a body that comes to rest chatter between nothing and some three times its weight, for it leaves and lands again;
+    their mean over 100 steps was the weight within 1 %: read means.
     Recorders may look at the bodies' runs or, but for Energy, at this one; a checkpoint is this one's.
     Raises ``ValueError`` for runs that cannot go together.
     """
 
     def __init__(self, *bodies: tuple[Simulation, SurfacePoints]):
-        if len(bodies) < 2:
-            raise ValueError(f"bodies: contact takes two or more pairs (Simulation, SurfacePoints), got {len(bodies)}")
-        for run, surface in bodies:
-            if not isinstance(run, Simulation) or not isinstance(surface, SurfacePoints):
-                raise ValueError(f"bodies: contact takes pairs (Simulation, SurfacePoints), got "
-                                 f"({type(run).__name__}, {type(surface).__name__})")
+        bodies = pairs_of(bodies, Simulation, SurfacePoints)
         runs = self.runs = [run for run, _ in bodies]
         first = runs[0]
         if len({id(run) for run in runs}) < len(runs):
@@ -166,6 +164,23 @@ class Contact(Run):
             if pair.gap.min(initial=0.0) < -OVERLAP * size:
                 raise ValueError(f"bodies {a} and {b} overlap by {-pair.gap.min():.3g} m")
 
+    # -- what contact cannot be asked for ---------------------------------------------------------------------------
+
+    def balance(self) -> tuple[np.ndarray, float]:
+        """Raises ``ValueError``: nodes of a grid that bodies share are each body's own."""
+        raise ValueError("balance is of one body: ask each of the runs that Contact was given, run.balance(); "
+                         "the forces between bodies are in Contact.forces")
+
+    def settle(self, tolerance: float = 1e-10, steps: int = 100) -> float:
+        """Raises ``ValueError``: bodies come to rest apart, each in a run of its own, before they meet."""
+        raise ValueError("settle is of one body: settle each body in a QuasiStatic run of its own, with the weight of "
+                         "what rests on it as a Traction, then let them meet; or add steps of the QuasiStatic contact")
+
+    def reactions(self, *surfaces) -> list:
+        """Raises ``ValueError``: supports are those of one body."""
+        raise ValueError("reactions are of one body: ask each of the runs that Contact was given, "
+                         "run.reactions(*surfaces)")
+
     # -- what Run and recorders ask for -----------------------------------------------------------------------------
 
     def state(self) -> dict[str, np.ndarray]:
@@ -189,6 +204,10 @@ class Contact(Run):
         places, reads = zip(*(run.sampler(field) for run in self.runs), strict=True)
         return np.concatenate(places), lambda rows: np.concatenate(
             [read(np.arange(len(place))) for place, read in zip(places, reads, strict=True)])[rows]
+
+    def holds(self, at: np.ndarray) -> bool:
+        """Whether a place (dim,), m, lies in one of the bodies."""
+        return any(run.holds(at) for run in self.runs)
 
     @property
     def contributions(self) -> list:

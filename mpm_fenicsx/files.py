@@ -10,6 +10,8 @@ from pathlib import Path
 
 def named(path: str | os.PathLike) -> Path:
     """The absolute path, or ``ValueError`` where it has no name."""
+    if not isinstance(path, str | os.PathLike):
+        raise ValueError(f"path must be a path, got {path!r}")
     text = os.fspath(path)
     if text.endswith(os.sep) or Path(text).name in ("", ".."):
         raise ValueError(f"path must end in a name, got {text!r}")

@@ -10,16 +10,23 @@ from dolfinx import fem
 from ufl import inner
 
 from . import fenicsx, kernels, tensors
+from .b_bar_checks import warn_of_laws
+from .checks import an_object
 from .equilibrium import Equilibrium
 from .finite_strain_elements import FiniteStrainElements
 from .gauss import GaussPoints
 from .grid import Grid
+from .identity import described
+from .inside import in_mesh
 from .kinematics import FINITE_STRAIN
+from .law_checks import check_law
 from .motion import Motion
 from .newton import Newton
 from .options import InitialAcceleration
 from .run import Run
 from .scene import Scene
+from .scene_checks import check_options
+from .supports import refuse_disagreement
 from .terms import elastic_work, elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
 from .yielding import Yielding, YieldingElements
@@ -43,6 +50,8 @@ class FiniteElements(Run):
                  start: FiniteElements | None = None,
                  initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED):
         super().__init__("FE", grid, stepping, terms)
+        check_options(newton, solver, reassemble=reassemble, b_bar=b_bar)
+        check_law(material, grid.dim, "update")
         self.material, self.b_bar = material, b_bar
         self.initial_acceleration = initial_acceleration
         self.reassemble = reassemble or material.kinematics is FINITE_STRAIN
@@ -55,10 +64,13 @@ class FiniteElements(Run):
         internal = [elasticity(scene, scene.dx, λ, μ, self.displacement, b_bar)]
         internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]
+        refuse_disagreement(scene, self.terms)
         if not reassemble:
             direct = "mumps" if grid.comm.size > 1 else "petsc"
             solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": direct,
                       **(solver or {})}
+        if b_bar:
+            warn_of_laws([material])
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
         if start is not None:
@@ -113,6 +125,7 @@ class FiniteElements(Run):
         return self.equilibrium.support(None)
 
     def _go_on_from(self, start: FiniteElements) -> None:
+        an_object("start", start, FiniteElements, "a finite element run")
         if (start.grid, start.material, start.b_bar) != (self.grid, self.material, self.b_bar):
             raise ValueError("start must be a finite element run on the same grid, of the same material, b_bar alike")
         fields = [(self.displacement, start.displacement)]
@@ -137,7 +150,7 @@ class FiniteElements(Run):
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one."""
-        return {**super().identity(), "material": repr(self.material), "b_bar": str(self.b_bar)}
+        return {**super().identity(), "material": described(self.material), "b_bar": str(self.b_bar)}
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
 
@@ -154,6 +167,10 @@ class FiniteElements(Run):
         values = motion.nodal(known[field])
         owned = grid.space.dofmap.index_map.size_local
         return grid.space.tabulate_dof_coordinates()[:owned, : grid.dim], lambda rows: values[rows]
+
+    def holds(self, at: np.ndarray) -> bool:
+        """Whether a place (dim,), m, lies in one of this rank's cells."""
+        return in_mesh(self.grid, at)
 
     def stress(self, cells: np.ndarray) -> np.ndarray:
         """Stress rows (n, components), Pa, at the centres of ``cells``."""

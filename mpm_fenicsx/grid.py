@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +14,8 @@ import ufl
 from dolfinx import mesh as dmesh
 
 from . import fenicsx, kernels
-from .checks import finite, one_of, whole
+from .checks import an_object, finite, increasing, one_of, several, whole
+from .files import failing_together
 from .lattice import SIDES, Lattice, beside
 from .partition import distribute, together
 
@@ -49,6 +51,7 @@ class Grid:
     """
 
     def __init__(self, mesh, facets: Mapping[str, Locator] | None = None):
+        _refuse_other_meshes(mesh)
         self.mesh = mesh
         self.comm: MPI.Comm = mesh.comm
         self.dim: int = mesh.topology.dim
@@ -57,7 +60,7 @@ class Grid:
         cells = mesh.topology.index_map(self.dim)
         self.owned_cells, self.cells = cells.size_local, cells.size_local + cells.num_ghosts
         self.nodes = self.space.dofmap.index_map.size_local + self.space.dofmap.index_map.num_ghosts
-        self._mark(dict(facets or {}))
+        self._mark(_locators(facets or {}))
 
     # -- making one ---------------------------------------------------------------------------------------------
 
@@ -68,9 +71,10 @@ class Grid:
 
         Raises ``ValueError`` for corners or numbers of cells that make no box.
         """
-        dim = len(cells)
-        if dim not in (2, 3) or len(lower) != dim or len(upper) != dim:
-            raise ValueError(f"a box needs 2 or 3 of lower, upper and cells alike, got {lower}, {upper}, {cells}")
+        given = [np.shape(v) for v in (lower, upper, cells)]
+        if given[0] not in ((2,), (3,)) or len(set(given)) > 1:
+            raise ValueError(f"a box needs 2 or 3 of lower, upper and cells alike, such as Grid.box((0, 0), (2, 1), "
+                             f"(20, 10)), got {lower}, {upper}, {cells}")
         cells = [whole("cells", n) for n in cells]
         for a, b in zip(lower, upper, strict=True):
             if finite("lower", a) >= finite("upper", b):
@@ -82,9 +86,11 @@ class Grid:
     def rectilinear(cls, lines: Sequence[np.ndarray], facets: Mapping[str, Locator] | None = None,
                     comm: MPI.Comm = MPI.COMM_WORLD) -> Grid:
         """Grid of the cells between given grid lines, one increasing array of coordinates (m) a direction."""
-        for line in lines:
-            if len(line) < 2 or not np.all(np.diff(line) > 0):
-                raise ValueError(f"grid lines must increase, got {line}")
+        an_object("comm", comm, MPI.Comm, "an MPI communicator")
+        lines = [increasing("grid lines", line) for line in
+                 several("lines", lines, "an array of coordinates a direction, such as [[0, 1, 2], [0, 0.5, 1]]")]
+        if len(lines) not in (2, 3):
+            raise ValueError(f"lines must be arrays of 2 or 3 directions, got {len(lines)}")
         counts = [len(line) for line in lines]
         x = np.stack(np.meshgrid(*lines, indexing="ij"), -1)
         x = x.transpose(*range(len(lines))[::-1], len(lines)).reshape(-1, len(lines))  # x fastest
@@ -99,13 +105,14 @@ class Grid:
     def read(cls, path, facets: Mapping[str, Locator] | None = None, comm: MPI.Comm = MPI.COMM_WORLD) -> Grid:
         """Grid of the quadrilaterals (else hexahedra) in a file that meshio reads.
 
-        Raises ``ValueError`` for a file without such cells.
+        Raises ``ValueError`` for a file without such cells, or whose quadrilaterals do not lie in the xy plane;
+        ``OSError``, on every rank, for one that cannot be read.
         """
-        import meshio
-
-        x, cells = np.zeros((0, 3)), np.zeros((0, 4), np.int64)
-        if comm.rank == 0:
-            read = meshio.read(path)
+        an_object("comm", comm, MPI.Comm, "an MPI communicator")
+        x, cells, fault = np.zeros((0, 3)), np.zeros((0, 4), np.int64), None
+        with failing_together(comm, "grid not read", path):
+            read = _read(path) if comm.rank == 0 else None
+        if read is not None:
             blocks = {kind: read.get_cells_type(kind) for kind in ("hexahedron", "quad")}
             kind = next((kind for kind, found in blocks.items() if len(found)), None)
             if kind is not None:
@@ -113,9 +120,10 @@ class Grid:
                 x, cells = read.points[:, : 2 if kind == "quad" else 3], blocks[kind][:, order].astype(np.int64)
                 used, cells = np.unique(cells, return_inverse=True)
                 x, cells = x[used], cells.reshape(-1, len(order)).astype(np.int64)
-        found = comm.bcast(len(cells))
-        if not found:
-            raise ValueError(f"path names a file without quadrilaterals or hexahedra: {path}")
+                fault = _out_of_plane(read.points[used]) if kind == "quad" else None
+        fault = comm.bcast(fault if len(cells) else "names a file without quadrilaterals or hexahedra")
+        if fault:
+            raise ValueError(f"path {fault}: {path}")
         dim = comm.bcast(x.shape[1])
         return cls(distribute(comm, x[:, :dim], cells), facets)
 
@@ -281,3 +289,57 @@ class Grid:
         if self.comm.allreduce(int(lacking.sum())):
             raise ValueError("mesh must carry all vertex neighbours as ghosts on several ranks: "
                              "make it with Grid.box or Grid.read")
+
+
+def _read(path):
+    """The mesh in a file that meshio knows."""
+    import meshio
+
+    try:
+        return meshio.read(path)
+    except SystemExit:  # what meshio does where no reader of the file's kind takes it
+        raise OSError(errno.EINVAL, "meshio cannot read it") from None
+
+
+def _out_of_plane(x: np.ndarray) -> str | None:
+    """What is wrong with quadrilaterals whose corners x (n, 2 or 3), m, do not lie in a plane z = const."""
+    extent = np.ptp(x, axis=0)
+    if len(extent) < 3 or extent[2] <= 1e-9 * extent.max():
+        return None
+    flat = [axis for axis, e in zip("xyz", extent, strict=True) if e <= 1e-9 * extent.max()]
+    where = f"in the {'xyz'.replace(flat[0], '')} plane" if flat else f"on a surface in space, {extent} m wide"
+    return f"names a file whose quadrilaterals lie {where}; a grid in 2D lies in the xy plane, so turn the mesh"
+
+
+def _refuse_other_meshes(mesh) -> None:
+    """Raise ``ValueError`` for what is no flat mesh of bilinear quadrilaterals or of trilinear hexahedra."""
+    if not {"comm", "topology", "geometry"} <= set(dir(mesh)):
+        raise ValueError(f"mesh must be a dolfinx mesh, got {mesh!r}; Grid.box and Grid.read make one")
+    dim, kind = mesh.topology.dim, str(mesh.topology.cell_name())
+    if kind not in ("quadrilateral", "hexahedron"):
+        raise ValueError(f"mesh must be of quadrilaterals or hexahedra, got cells of the kind {kind}")
+    if mesh.geometry.dim != dim:
+        raise ValueError(f"mesh must lie in the xy plane, got {kind} cells in {mesh.geometry.dim}D space")
+    cells = mesh.topology.index_map(dim)
+    if fenicsx.cell_vertices(mesh).shape[0] != cells.size_local + cells.num_ghosts:
+        raise ValueError(f"mesh must have {2**dim} nodes a cell (of degree 1), got curved cells of more")
+
+
+def _locators(facets: Mapping[str, Locator]) -> dict[str, Locator]:
+    """Named functions of x, whose answers are told apart from arrays that are none."""
+    an_object("facets", facets, Mapping, 'functions of x by name, such as {"footing": lambda x: x[0] < 1}')
+
+    def named(name: str, locate: Locator) -> Locator:
+        if not callable(locate):
+            raise ValueError(f"facets: {name!r} must be a function of x (dim, n), got {locate!r}")
+
+        def answer(x: np.ndarray) -> np.ndarray:
+            found = np.asarray(locate(x))
+            if found.shape != x.shape[1:]:
+                raise ValueError(f"facets: {name!r} must map x (dim, n) to bool (n,), gave {found.shape} for "
+                                 f"n={x.shape[1]}")
+            return found.astype(bool)
+
+        return answer
+
+    return {str(name): named(name, locate) for name, locate in facets.items()}

@@ -8,12 +8,24 @@ together two to four times faster.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numba
 import numpy as np
 
-jit = numba.njit(cache=True, nogil=True, error_model="numpy")
+_OPTIONS = {"nogil": True, "error_model": "numpy"}
 
 EDGE = 1e-10  # of a cell: a point that far outside the grid still lies in its last cell
+
+
+def jit(function: Callable) -> Callable:
+    """A compiled loop, kept between processes where there is a folder that can be written."""
+    try:
+        return numba.njit(cache=True, **_OPTIONS)(function)
+    except RuntimeError as error:
+        if "cannot cache" not in str(error):
+            raise
+        return numba.njit(**_OPTIONS)(function)
 
 
 def once(count: int) -> tuple[int, ...]:

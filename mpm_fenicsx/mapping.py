@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .checks import an_object
 from .projection import AT_POINTS, DOUBLE_MAPPED, Integration
 
 
@@ -27,6 +28,8 @@ class Mapping:
     linear: bool = False
 
     def __post_init__(self) -> None:
+        for name in ("integrate", "mass"):
+            an_object(name, getattr(self, name), Integration, "AT_POINTS or DOUBLE_MAPPED of mpm_fenicsx.projection")
         if self.linear and not self.support:
             raise ValueError(f"linear stress needs support domains, and mapping {self.name} has none")
 

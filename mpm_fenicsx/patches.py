@@ -211,12 +211,16 @@ class PointPatch:
 
         return ufl.as_vector(self._field(self.grid.dim, values))
 
-    def prepare(self, start: float, end: float) -> None:
-        """Find the points and bring coefficients to the step."""
+    def locate(self) -> None:
+        """Find the points, and cut their faces where grid lines cross them."""
         self.grid.walk(self._inward(), self._cell)
         self._check()
         self.stencil.place(self.points.x, None, self._cell)
         self._refuse(self.faces.place(self.stencil))
+
+    def prepare(self, start: float, end: float) -> None:
+        """Find the points and bring coefficients to the step."""
+        self.locate()
         self._cover(np.unique(self.faces.stencil.cell))
         for refresh in self._refresh:
             refresh(start, end)
@@ -233,9 +237,8 @@ class PointPatch:
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
         found = {"x": self.points.x, "normal": self.points.normal, "area": self.points.area, "cell": self._cell}
-        if self.points.displacement is not None:
-            found["displacement"] = self.points.displacement
-        return found
+        more = {"displacement": self.points.displacement, "rest_area": self.points.rest_area}
+        return {**found, **{name: value for name, value in more.items() if value is not None}}
 
 
 patch.register(GridSurface)(FacetPatch)

@@ -9,7 +9,7 @@ from mpi4py import MPI
 import numpy as np
 
 from . import fenicsx
-from .checks import one_of
+from .checks import array, one_of
 from .grid import Grid
 from .run import FIELDS, Run
 
@@ -51,12 +51,13 @@ class Probe(Series):
     ``field``: displacement since attaching (m), velocity (m/s), acceleration (m/s²) or stress (Pa, rows as in
     ``tensors``); ``at`` (dim,), m, when attached.  The value is a weighted mean of the samples nearest to ``at`` (in
     cells), exact for linear fields: material points or, in a finite element run, cell centres for stress and nodes for
-    the rest.  Raises ``ValueError`` for a field that is not known or a place that is none.
+    the rest.  Raises ``ValueError`` for a field that is not known, or a place that is none or lies outside the body: by
+    more than half a support domain from the outermost, or outside the mesh.
     """
 
     def __init__(self, field: str, at):
         super().__init__()
-        self.field, self.at = one_of("field", field, FIELDS), np.array(at, float)
+        self.field, self.at = one_of("field", field, FIELDS), array("at", at)
 
     @property
     def label(self) -> str:
@@ -68,6 +69,8 @@ class Probe(Series):
         if self.at.shape != (run.grid.dim,) or not np.isfinite(self.at).all():
             raise ValueError(f"at must be {run.grid.dim} finite coordinates, got {self.at}")
         places, self._read = run.sampler(self.field)
+        if not any(run.grid.comm.allgather(run.holds(self.at))):
+            raise ValueError(f"at must lie inside the body, got {self.at}; {_closest(places, self.at, run.grid.comm)}")
         h = _cell_size(run.grid)
         self._rows, self._weights = _nearest(places / h, self.at / h, run.grid.comm)
         self._start = self._read(self._rows) if self.field == "displacement" else np.zeros(())
@@ -159,6 +162,15 @@ def _by_distance(away: np.ndarray) -> np.ndarray:
     """Order of rows (n, dim), the shortest first; equals by their place, whatever the partition."""
     distance, place = np.linalg.norm(away, axis=1), np.round(away, 6)  # equal but for round-off
     return np.lexsort((*place.T, np.round(distance, 6)))
+
+
+def _closest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> str:
+    """The sample of all ranks that is nearest to a place, in words."""
+    distance = np.linalg.norm(places - at, axis=1)
+    row = int(np.argmin(distance)) if len(places) else -1
+    mine = (float(distance[row]), tuple(places[row].tolist())) if len(places) else (np.inf, ())
+    off, place = min(comm.allgather(mine))
+    return f"what it would look at begins {off:.4g} m away, at x={np.array(place)}"
 
 
 def _nearest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:

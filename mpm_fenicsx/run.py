@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,10 +15,14 @@ from .checkpoint import restart
 from .checks import finite
 from .failure import OutputError, RunError
 from .grid import Grid
+from .identity import described
 from .newton import SolverError
+from .scene_checks import check_run, terms_of
 from .statics import Statics
 from .time_stepping import Newmark, QuasiStatic
 
+WHOLE = 1e-6
+"""Of a step: so near to a whole number of steps is one, for times are sums and quotients of rounded numbers."""
 FIELDS = ("displacement", "velocity", "acceleration", "stress")
 
 
@@ -25,7 +30,8 @@ class Run(Statics):
     """Steps in time and calls recorders after each step."""
 
     def __init__(self, name: str, grid: Grid, stepping: Newmark | QuasiStatic, terms: Sequence):
-        self.name, self.grid, self.terms = name, grid, list(terms)
+        check_run(grid, stepping)
+        self.name, self.grid, self.terms = name, grid, terms_of(terms)
         self._stepping = stepping
         self._clock = np.zeros(2)  # steps and time (s) at which the present step came into use
         self._begun = False
@@ -130,6 +136,10 @@ class Run(Statics):
         """Places (n, dim) where the run knows a field, and a function from rows to values there."""
         raise NotImplementedError
 
+    def holds(self, at: np.ndarray) -> bool:
+        """Whether a place (dim,), m, lies inside this rank's part of the body."""
+        raise NotImplementedError
+
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's part of the body."""
         raise NotImplementedError
@@ -140,6 +150,8 @@ class Run(Statics):
         One that has ``state()``, arrays by name, and ``restore(state)`` goes on with its record after ``restart``.
         Raises ``OutputError`` where it cannot write.
         """
+        if isinstance(recorder, type) or not callable(recorder) or not hasattr(recorder, "attach"):
+            raise ValueError(f"recorder must be an object such as Energy() or Probe(field, at), got {recorder!r}")
         try:
             recorder.attach(self)
         except OSError as error:
@@ -165,7 +177,8 @@ class Run(Statics):
         order = zlib.crc32(np.ascontiguousarray(fenicsx.cell_dofs(grid.space)), nodes)
         return {"run": self.name, "stepping": repr(self.stepping),
                 "grid": f"{grid.cells} cells in {grid.dim}D, {grid.nodes} nodes, places and order {order:08x}",
-                "terms": ", ".join(type(term).__name__ for term in self.terms)}
+                "terms": ", ".join(type(term).__name__ for term in self.terms),
+                **{f"term {n}, {type(term).__name__}": described(term) for n, term in enumerate(self.terms)}}
 
     def restart(self, path: str | os.PathLike) -> None:
         """Go on from the step of a checkpoint, bit for bit as the run that wrote it.
@@ -183,8 +196,21 @@ class Run(Statics):
         self.steps, self._begun = steps, steps > 0
 
     def until(self, t: float, progress: Callable[[int], None] | None = None) -> None:
-        """Step until time ``t`` (s); ``progress`` is called with the number of steps done."""
-        last = self.steps + round((finite("t", t) - self.time) / self.stepping.dt)
+        """Step until time ``t`` (s); ``progress`` is called with the number of steps done.
+
+        Where ``t`` is no whole number of steps away, it stops at the nearest one and warns.  Raises ``ValueError`` for
+        a ``t`` that is past.
+        """
+        if progress is not None and not callable(progress):
+            raise ValueError(f"progress must be a function of the number of steps, got {progress!r}")
+        left = (finite("t", t) - self.time) / self.stepping.dt
+        if left < -WHOLE:
+            raise ValueError(f"t must not be past, {self.name} has come to t = {self.time:.6g}, got {t}")
+        last = self.steps + round(left)
+        if abs(left - round(left)) > WHOLE:
+            stop = self.time + round(left) * self.stepping.dt
+            warnings.warn(f"until({t}) stops at t = {stop:.6g}: from t = {self.time:.6g} it is no whole number of "
+                          f"steps of {self.stepping.dt:.6g}", UserWarning, stacklevel=2)
         while self.steps < last:
             self.step()
             if progress is not None:

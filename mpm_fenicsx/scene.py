@@ -9,7 +9,7 @@ import numpy as np
 import ufl
 
 from .grid import Grid
-from .loads import Load, as_load
+from .loads import TRIALS, Load, as_load
 from .motion import Motion
 from .partition import anywhere
 from .patches import patch
@@ -55,7 +55,9 @@ class Scene:
 
     def load(self, name: str, value) -> tuple[Load, bool]:
         """A load as ``as_load`` returns it, with an eye on its values."""
-        load, placed = as_load(name, value, self.grid.dim)
+        low, high = self.grid.lower_corner, self.grid.upper_corner
+        places = low + np.linspace(0.1, 0.9, TRIALS)[:, None] * (high - low)
+        load, placed = as_load(name, value, self.grid.dim, places)
         self.loads.append(load)
         return load, placed
 

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from .acceleration_correction import AccelerationCorrection, correction_of
+from .b_bar_checks import warn_of_points
 from .checks import finite
 from .composite import Composite
 from .entry import enter
@@ -16,6 +17,8 @@ from .failure import RunError
 from .finite_strain import finite_strain_of
 from .gauss import GaussPoints
 from .grid import Grid
+from .identity import described
+from .inside import among
 from .interfaces import warn_of_interfaces
 from .internal_force import ConstantStress, LinearStress
 from .mapping import DM_GC
@@ -27,9 +30,12 @@ from .partition import anywhere
 from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
 from .properties import Properties
+from .reach import check_reach, partly_filled
 from .run import Run
 from .scene import Scene
+from .scene_checks import bodies_of, check_mapping, check_options
 from .shapes import Stencil
+from .supports import refuse_disagreement
 from .terms import elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
 from .velocities import Deposit, KnownVelocity, trapezoidal
@@ -61,9 +67,9 @@ class Simulation(Run):
                  b_bar: bool = False, reuse: float = 0.0, balanced: bool | None = None,
                  correction: AccelerationCorrection | None = None,
                  initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED):
-        self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
-        if not self.bodies:
-            raise ValueError("points: there is no body")
+        self.bodies = bodies_of(points)
+        check_mapping(mapping, transfer)
+        check_options(newton, solver, b_bar=b_bar)
         if b_bar and mapping.integrate is not DOUBLE_MAPPED:
             raise ValueError(f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the points")
         super().__init__(mapping.name, grid, stepping, terms)
@@ -83,6 +89,8 @@ class Simulation(Run):
         internal = [elasticity(scene, given.stiffness_dx, λ, μ, b_bar=b_bar)]
         internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]
+        refuse_disagreement(scene, self.terms)
+        check_reach(scene, self.terms, self.bodies, self.cells, self.stencils)
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton,
@@ -107,6 +115,9 @@ class Simulation(Run):
                     value = getattr(body, name)
                     setattr(body, name, np.zeros_like(body.x) if value is None else np.array(value, float))
             self.correction = correction_of(self.correction_kind, self.equilibrium, self.deposit)
+        if b_bar:
+            warn_of_points([body.material for body in self.bodies], partly_filled(grid, self.bodies, self.cells),
+                           stepping.dynamic)
 
     def _asked_correction(self, correction: AccelerationCorrection | None,
                           balanced: bool | None) -> AccelerationCorrection | None:
@@ -259,7 +270,8 @@ class Simulation(Run):
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one."""
-        bodies = {f"body {n}": f"{len(body)} points of {body.material!r}" for n, body in enumerate(self.bodies)}
+        bodies = {f"body {n}": f"{len(body)} points of {described(body.material)}"
+                  for n, body in enumerate(self.bodies)}
         return {**super().identity(), **bodies, "b_bar": str(self.gauss is not None)}
 
     # -- what recorders ask for -----------------------------------------------------------------------------------
@@ -275,6 +287,10 @@ class Simulation(Run):
             return (np.concatenate(values) if len(values) > 1 else values[0])[rows]
 
         return np.concatenate([body.x for body in self.bodies]), read
+
+    def holds(self, at: np.ndarray) -> bool:
+        """Whether a place (dim,), m, lies among this rank's material points."""
+        return among(self.bodies, at)
 
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's points."""

@@ -40,9 +40,13 @@ def linear_solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | 
     for key, value in chosen.items():
         store[key] = value
     ksp.setOperators(A)
-    ksp.setFromOptions()
     # solvers of blocks and other packages' factors read theirs only when they are set up, and again after a reset
     weakref.finalize(ksp, _forget, prefix, list(chosen))
+    try:
+        ksp.setFromOptions()
+    except PETSc.Error as error:
+        raise ValueError(f"solver: PETSc takes none of this kind, or not with these values, got {options} (error code "
+                         f"{error.ierr})") from None
     return ksp
 
 

@@ -12,9 +12,10 @@ from dolfinx import fem
 from ufl import inner
 
 from . import forms
-from .checks import finite, one_of, positive
+from .checks import one_of, positive
 from .grid import GridSurface
-from .loads import combined
+from .law_checks import has
+from .loads import combined, of_time
 from .motion import KnownMotion, Motion
 from .points import SurfacePoints
 from .prescribed import AccelerationRecord, Displacement, Prescribed, WholeMotion
@@ -81,6 +82,8 @@ class Fixed:
         if self.on.grid is not grid:
             raise ValueError(f"on: the facets {self.on.names} belong to another grid")
         axes = "xyz"[: grid.dim]
+        if self.components is not None and not (isinstance(self.components, str | tuple | list) and self.components):
+            raise ValueError(f"components must be one or several of {axes} in a text, got {self.components!r}")
         for c in self.components or axes:
             V = grid.space.sub(axes.index(one_of("components", c, axes)))
             dofs = fem.locate_dofs_topological(V, grid.dim - 1, self.on.facets)
@@ -96,9 +99,7 @@ class Fixed:
     def _prescribed(self, dynamic: bool) -> Prescribed | None:
         """The motion given, or None for no motion."""
         names = [name for name in ("value", "velocity", "acceleration") if getattr(self, name) is not None]
-        functions = {name: partial(self._at, name) for name in names}
-        for function in functions.values():
-            function(0.0)
+        functions = {name: of_time(f"{name} of Fixed", getattr(self, name)) for name in names}
         match names:
             case []:
                 return None
@@ -113,9 +114,6 @@ class Fixed:
                                  "a displacement (m) of the load parameter")
         raise ValueError(f"Fixed takes value, or value with velocity and acceleration, or acceleration alone, got "
                          f"{' and '.join(names)}")
-
-    def _at(self, name: str, t: float) -> float:
-        return finite(f"{name} of Fixed", getattr(self, name)(t))
 
 
 @dataclass(frozen=True)
@@ -149,7 +147,8 @@ class DeadLoad(Traction):
 
     ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim).  A traction is per area as it is: under one
     that keeps its direction the walls of a crater stretch, bear more, and stretch the faster.  On facets of the grid,
-    which do not stretch, the two are one.
+    which do not stretch, the two are one.  The start is when surface points meet their first DeadLoad in a run: later
+    runs keep their ``rest_area``.
     """
 
     def _load(self, scene: Scene, patch) -> Callable:
@@ -157,8 +156,8 @@ class DeadLoad(Traction):
         on = self.on
         if isinstance(on, GridSurface):
             return partial(patch.load, function, placed)
-        start = on.area.copy()
-        return partial(patch.load, lambda t, x: function(t, x) * (start / on.area)[:, None], True)
+        on.remember_area()
+        return partial(patch.load, lambda t, x: function(t, x) * (on.rest_area / on.area)[:, None], True)
 
 
 @dataclass(frozen=True)
@@ -226,6 +225,7 @@ class Viscous:
         if not scene.motion.stepping.dynamic:
             raise ValueError(f"{type(self).__name__} needs velocities: step with Newmark")
         patch, motion, soil = scene.patch(self.on), scene.motion, self.material
+        has(f"material of {type(self).__name__}", soil, ("density", "p_speed", "s_speed"))
         Z = patch.tensor(soil.density * soil.p_speed, soil.density * soil.s_speed)
         return Contribution(forms.dashpot(Z, motion.velocity, motion.w) * patch.measure, lambda: {
             "absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure})
@@ -247,6 +247,7 @@ class Viscoelastic(Viscous):
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work ∫ (Z v + k u)·w, and the energy absorbed and stored."""
         viscous = super().bind(scene)
+        has("material of Viscoelastic", self.material, ("lame",))
         patch, motion = scene.patch(self.on), scene.motion
         G = self.material.lame[1]
         stiffness = 2 * G / self.radius, G / (2 * self.radius)

@@ -20,8 +20,8 @@ POINTS = ("locate", "project", "recover", "carry")  # the points' own work, as t
 class Bill:
     """Seconds of each piece of a run's steps, without the pieces inside it.
 
-    ``force``: internal force and residual; ``assemble``: K; ``factor``: PETSc's preconditioner; ``correct``: accelerations
-    made to fit the points' force, its solve included; ``other``: the rest.
+    ``force``: internal force and residual; ``assemble``: K; ``factor``: PETSc's preconditioner; ``correct``: what makes
+    accelerations fit the points' force, its solve included; ``other``: the rest.
     """
 
     def __init__(self, run):

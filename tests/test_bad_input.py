@@ -3,23 +3,34 @@
 import dense
 import numpy as np
 import pytest
+from dolfinx.mesh import create_unit_square
 
 from mpm_fenicsx import (
+    Checkpoint,
+    Contact,
+    Energy,
     FiniteElements,
     Fixed,
     Gravity,
     Grid,
+    Hencky,
     LinearElastic,
+    Mapping,
     MaterialPoints,
     Newmark,
+    Newton,
+    Probe,
     QuasiStatic,
     Simulation,
+    Snapshots,
     SurfacePoints,
     Traction,
     Viscoelastic,
     Viscous,
+    VonMises,
     fenicsx,
 )
+from mpm_fenicsx.law_checks import check_law
 
 NAN = float("nan")
 OTHER = dense.uneven(2)
@@ -211,3 +222,174 @@ def test_dashpots_in_statics(grid, body, make):
             Simulation(grid, body, QuasiStatic(2), [make(on)])
         with refused(f"{name} needs velocities: step with Newmark"):
             FiniteElements(grid, dense.SOIL, QuasiStatic(2), [make(on)])
+
+
+# -- what is often given in place of something else -------------------------------------------------------------------
+
+
+def points_with(**changed):
+    def make(grid, body):
+        return Simulation(**{"grid": grid, "points": body, "stepping": Newmark(1e-3), "terms": [], **changed})
+    return make
+
+
+def elements_with(**changed):
+    def make(grid, body):
+        return FiniteElements(**{"grid": grid, "material": dense.SOIL, "stepping": Newmark(1e-3), "terms": [],
+                                 **changed})
+    return make
+
+
+BOTH = [
+    ({"stepping": 1e-3}, r"^stepping must be Newmark\(dt\) or QuasiStatic\(steps\), got 0\.001$"),
+    ({"stepping": Newmark}, "^stepping must be .*got the class Newmark itself$"),
+    ({"terms": 3}, "^terms must be a list such as .*got 3$"),
+    ({"terms": None}, "^terms must be a list such as .*got None$"),
+    ({"terms": [Gravity((0, -1)), 3]}, "^terms: number 1 is no boundary or load .*got 3$"),
+    ({"terms": Gravity}, "^terms: number 0 .*got the class Gravity itself$"),
+    ({"newton": 1e-6}, r"^newton must be Newton\(tolerance\) or None, got 1e-06$"),
+    ({"newton": Newton}, "^newton must be .*got the class Newton itself$"),
+    ({"solver": "cg"}, "^solver must be PETSc options by name, .*got 'cg'$"),
+    ({"solver": {"-ksp_type": "cg"}}, "^solver: names of PETSc options are texts without a dash, got '-ksp_type'$"),
+    ({"solver": {"pc_type": "nonsense"}}, "^solver: PETSc takes none .*'pc_type': 'nonsense'"),
+    ({"b_bar": "yes"}, "^b_bar must be True or False, got 'yes'$"),
+    ({"grid": 3}, r"^grid must be a Grid, such as .*got 3$"),
+]
+KINDS = [
+    *((points_with(**changed), words) for changed, words in BOTH),
+    *((elements_with(**changed), words) for changed, words in BOTH),
+    (points_with(mapping="DM_GC"), "^mapping must be an object such as DM_GC, imported by its name, got 'DM_GC'$"),
+    (points_with(transfer="flip"), "^transfer must be a function .*got 'flip'$"),
+    (points_with(sweeps="two"), "^sweeps .*got 'two'"),
+    (points_with(balanced="yes"), "^balanced must be True or False, got 'yes'$"),
+    (points_with(points=3), "^points must be MaterialPoints, .*got 3$"),
+    (points_with(points=MaterialPoints), "^points must be MaterialPoints, .*got the class MaterialPoints itself$"),
+    (lambda grid, body: Simulation(grid, [body, body], Newmark(1e-3), []), "^points: a body is named twice$"),
+    (lambda grid, body: Simulation(grid, body.surface("top"), Newmark(1e-3), []), "^points must be .*got SurfacePoi"),
+    (elements_with(material=LinearElastic), "^material must be an object, got the class LinearElastic itself"),
+    (elements_with(start=3), "^start must be a finite element run, got 3$"),
+    (lambda grid, body: MaterialPoints.fill(3, dense.SOIL, 4), "^grid must be a Grid, .*got 3$"),
+    (lambda grid, body: MaterialPoints.fill(grid, LinearElastic, 4), "^material must be an object, got the class"),
+    (lambda grid, body: MaterialPoints.fill(grid, 2e6, 4), "^material lacks density .*got 2000000.0$"),
+    (lambda grid, body: MaterialPoints.fill(grid, dense.SOIL, 4, inside=3), "^inside must be a function .*got 3$"),
+    (lambda grid, body: MaterialPoints.fill(grid, dense.SOIL, 4, seed="a"), "^seed must be a number, got 'a'$"),
+    (lambda grid, body: MaterialPoints(dense.SOIL, "here", None, None), "^x must be an array of numbers, got 'here'$"),
+    (lambda grid, body: MaterialPoints(dense.SOIL, [[0.5, 0.5]], None, [1.0]), "^half must have the shape"),
+    (lambda grid, body: MaterialPoints(dense.SOIL, [[0.5, 0.5]], [[0.1, 0.1]], "a"), "^volume must be an array of"),
+    (lambda grid, body: SurfacePoints([[0.5, 0.5]], "up", [1.0]), "^normal must be an array of numbers, got 'up'$"),
+    (lambda grid, body: body.surface("top", where=3), "^where must be a function .*got 3$"),
+    (lambda grid, body: body.surface("top", where=lambda x: True), r"^where must map \(dim, n\) to \(n,\), gave \(\)"),
+    (lambda grid, body: Contact(body, body), r"^bodies: contact takes .*pairs.*got \(MaterialPoints\)$"),
+    (lambda grid, body: Grid.box((0, 0), (1, 1), 10), r"^a box needs .*such as Grid\.box.*got \(0, 0\), \(1, 1\), 10$"),
+    (lambda grid, body: Grid.rectilinear(3), "^lines must be .*got 3$"),
+    (lambda grid, body: Grid("mesh"), "^mesh must be a dolfinx mesh, got 'mesh'"),
+    (lambda grid, body: Grid(create_unit_square(grid.comm, 1, 1)), "^mesh must be of quadrilaterals .*triangle$"),
+    (lambda grid, body: Grid.box((0, 0), (1, 1), (1, 1), {"a": 3}), "^facets: 'a' must be a function .*got 3$"),
+    (lambda grid, body: Grid.box((0, 0), (1, 1), (1, 1), {"a": lambda x: True}), r"^facets: 'a' must map .*gave \(\)"),
+    (lambda grid, body: Grid.box((0, 0), (1, 1), (1, 1), ["a"]), r"^facets must be functions .*got \['a'\]$"),
+    (lambda grid, body: Probe("stress", "here"), "^at must be an array of numbers, got 'here'$"),
+    (lambda grid, body: Checkpoint(3), "^path must be a path, got 3$"),
+    (lambda grid, body: Snapshots(None), "^path must be a path, got None$"),
+    (lambda grid, body: Mapping("M", True, "points", True), "^integrate must be .*got 'points'$"),
+    (lambda grid, body: points_with()(grid, body).record(Energy), "^recorder must be an object such as"),
+    (lambda grid, body: points_with()(grid, body).until(1.0, 3), "^progress must be a function .*got 3$"),
+    (lambda grid, body: points_with()(grid, body).restart(3), "^path must be a path, got 3$"),
+]
+
+
+@pytest.mark.parametrize(("make", "words"), KINDS, ids=range(len(KINDS)))
+def test_what_is_of_another_kind_is_refused_with_a_sentence(grid, body, make, words):
+    with refused(words):
+        make(grid, body)
+
+
+@pytest.mark.parametrize(("term", "words"), [
+    (lambda on: Fixed(on, "x", 0.01), r"^value of Fixed must be a function of time, such as lambda t.*got 0\.01$"),
+    (lambda on: Fixed(on, "x", lambda t: (t, t)), r"^value of Fixed must be .*one finite number, got array\(\[0"),
+    (lambda on: Fixed(on, "x", lambda t, x: t), "^value of Fixed must be a function of time alone"),
+    (lambda on: Fixed(on, 3), "^components must be one or several of xy in a text, got 3$"),
+    (lambda on: Fixed(on, ""), "^components must be one or several of xy in a text, got ''$"),
+    (lambda on: Viscous(on, LinearElastic), "^material of Viscous must be an object, got the class LinearElastic"),
+    (lambda on: Viscoelastic(on, 3.0, 1.0), "^material of Viscoelastic lacks density .*p_speed, s_speed, .*got 3.0$"),
+    (lambda on: Gravity(9.81), r"^g of Gravity must give 2 finite numbers, got array\(9\.81\)"),
+    (lambda on: Traction(on, None), "^value of Traction must give 2 finite numbers, got None$"),
+])
+def test_what_terms_refuse(grid, body, term, words):
+    for make in (points_with, elements_with):
+        with refused(words):
+            make(terms=[term(grid.facets("bottom"))])(grid, body)
+
+
+def test_one_term_and_one_body_need_no_list(grid, body):
+    gravity = Gravity((0.0, -1.0))
+    assert points_with(terms=gravity)(grid, body).terms == [gravity]
+    assert elements_with(terms=gravity)(grid, body).terms == [gravity]
+    assert points_with(terms=(gravity,), points=(body,))(grid, body).bodies == [body]
+
+
+# -- materials ------------------------------------------------------------------------------------------------------
+
+
+class Bare:
+    """A law with a density and nothing else."""
+
+    density = 1e3
+
+
+class Capped(LinearElastic):
+    """Its shear stress ends at 1 kPa, and it says that it remembers nothing."""
+
+    def respond(self, strain, stress, history, size=None):
+        new = self.update(strain, stress)
+        return new, history
+
+    def update(self, strain, stress):
+        new = super().update(strain, stress)
+        new[:, 3:] = np.clip(new[:, 3:], -1e3, 1e3)
+        return new
+
+
+class NoTension(Capped):
+    def update(self, strain, stress):
+        return np.minimum(LinearElastic.update(self, strain, stress), 1.0)
+
+
+class Softer(Capped):
+    """Elastic, but not with its own constants."""
+
+    def update(self, strain, stress):
+        return LinearElastic.update(self, 0.999 * strain, stress)
+
+
+class Remembers(Capped):
+    history = ("plastic_strain",)
+
+
+class OneName(Capped):
+    history = "plastic_strain"
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize(("law", "words"), [
+    (Bare(), r"^material lacks lame \(.*\), kinematics \(.*\), history \(.*\), length \(.*\), energy \(.*\), "
+             "{response}, which .*got <.*Bare object"),
+    (Capped(2e6, 0.3, 1e3), "law without history .*Capped is not: its {response} differs .*name what it remembers in"),
+    (NoTension(2e6, 0.3, 1e3), "law without history .*NoTension is not: its {response} differs"),
+    (Softer(2e6, 0.3, 1e3), r"law without history .*Softer is not: .*by 0\.001 of the stress"),
+    (Remembers(2e6, 0.3, 1e3), "^material lacks yields, elastic, plastic_work, which"),
+    (OneName(2e6, 0.3, 1e3), "lacks|history of material must be a tuple of names"),
+])
+def test_a_law_that_a_run_would_take_for_another_is_refused(dim, law, words):
+    grid = dense.uneven(dim)
+    for make, response in ((lambda: MaterialPoints.fill(grid, law, 2**dim), "respond"),
+                           (lambda: FiniteElements(grid, law, QuasiStatic(1), []), "update")):
+        with refused(words.replace("{response}", response)):
+            make()
+
+
+@pytest.mark.parametrize("law", [dense.SOIL, Hencky(2e6, 0.3, 1e3), VonMises(dense.SOIL, 1e3, 1e3, 0.0),
+                                 LinearElastic(1e-3, -0.9, 1.0), LinearElastic(1e12, 0.4999, 1.0)])
+def test_laws_that_are_what_they_say_are_taken(law):
+    for dim in (2, 3):
+        for response in ("respond", "update"):
+            check_law(law, dim, response)

@@ -4,6 +4,7 @@ As a script: ``python test_checkpoint.py folder`` goes on with the checkpoints o
 ``mpiexec -n 2 python test_checkpoint.py folder ranks`` writes and reads them on two ranks.
 """
 
+import functools
 import re
 import subprocess
 import sys
@@ -39,6 +40,7 @@ from mpm_fenicsx import (
     Viscoelastic,
     VonMises,
 )
+from mpm_fenicsx.identity import described
 
 STEPS = 6
 SOFT = dense.SOFT
@@ -274,8 +276,9 @@ def other(**changed):
     law = changed.get("law", SOFT)
     body = fill(law) if "inside" not in changed else MaterialPoints.fill(grid, law, 4, changed["inside"])
     on = body.surface("top") if "side" not in changed else body.surface(*changed["side"])
-    terms = [Gravity((0.0, -9.81)), Traction(on, push), Viscoelastic(body.surface("bottom"), SOFT, 3.0),
-             Traction(body.surface("left"), (1e3, 1e3))]
+    terms = [Gravity(changed.get("g", (0.0, -9.81))), Traction(on, changed.get("push", push)),
+             Viscoelastic(body.surface("bottom"), changed.get("soil", SOFT), changed.get("radius", 3.0)),
+             Traction(body.surface("left"), changed.get("value", (1e3, 1e3)))]
     return Simulation(grid, body, changed.get("stepping", Newmark(5e-3)), terms[: changed.get("terms", 4)],
                       changed.get("mapping", DM_GC))
 
@@ -288,14 +291,37 @@ def other(**changed):
     (lambda: other(law=LinearElastic(4e6, 0.3, 1800.0)), "body 0 is 16 points of .*3000000.0.* here .*4000000.0"),
     (lambda: other(inside=lambda x: x[1] < 1.0), "body 0 is 16 points .* here 60 points"),
     (lambda: other(terms=3), "terms is Gravity, Traction, Viscoelastic, Traction in .* here .*Viscoelastic$"),
+    (lambda: other(g=(0.0, -9.8)),
+     r"term 0, Gravity is Gravity\(g=\[0.0, -9.81\]\) in .* here Gravity\(g=\[0.0, -9.8\]\)"),
+    (lambda: other(g=lambda t: (0.0, -9.81)), r"term 0, Gravity is .* here Gravity\(g=<lambda>\)"),
+    (lambda: other(value=(1e3, 2e3)), r"term 3, Traction is Traction\(on=surface points, value=\[1000.0, 1000.0\]\)"),
+    (lambda: other(radius=4.0), r"term 2, Viscoelastic is .*radius=3.0\) in .*radius=4.0\)"),
+    (lambda: other(soil=LinearElastic(4e6, 0.3, 1800.0)), r"term 2, Viscoelastic is .*young=3000000.0.*young=4000000"),
+    (lambda: other(push=np.zeros((8, 2))), r"term 1, Traction is .*value=push\) in .*value=array \(8, 2\) 0, 0.0"),
     (lambda: other(side=("top", "right")), r"surfaces/0/x is \('float64', \(8, 2\)\) .* here \('float64', \(16, 2\)\)"),
-], ids=["grid", "FE", "mapping", "dt", "material", "points", "terms", "surface"])
+], ids=["grid", "FE", "mapping", "dt", "material", "points", "terms", "gravity",
+        "function", "traction", "radius", "soil", "array", "surface"])
 def test_another_scene_is_refused_by_name_and_value(run, words, half):
     run, path = run(), half[0] / "elastic.npz"
     before = {name: value.copy() for name, value in run.state().items()}
     with pytest.raises(ValueError, match=f"elastic.npz: .*{words}"):
         run.restart(path)
     assert run.steps == 0 and all(np.array_equal(before[name], value) for name, value in run.state().items())
+
+
+def test_words_of_a_scene_are_the_same_in_another_process():
+    """No address is in them, and round-off is not seen; numbers are."""
+    class Law:
+        def __init__(self, cohesion):
+            self.cohesion, self.memory = cohesion, object()
+
+    x = np.random.default_rng(1).normal(size=(9, 2))
+    for one, two in ((Law(1.0), Law(1.0)), (x, x * (1 + 1e-14)), (lambda t: t, lambda t: 2 * t),
+                     (functools.partial(push, 1.0), functools.partial(push, 2.0)), (Law(2.0).__init__, Law.__init__)):
+        assert described(one) == described(two)
+        assert " at 0x" not in described(one)
+    for one, two in ((Law(1.0), Law(2.0)), (x, x[::-1]), (x, -x), (x, 2 * x), (x, x[:8]), ((1.0, 2.0), (1.0, 3.0))):
+        assert described(one) != described(two)
 
 
 def test_a_grid_whose_nodes_lie_elsewhere_is_refused(tmp_path):

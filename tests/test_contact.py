@@ -407,3 +407,9 @@ def test_what_cannot_go_together_is_refused():
     moved[1].x[:, 0] -= 0.1 * H
     with pytest.raises(ValueError, match=r"bodies 0 and 1 overlap by 0\.025 m"):
         Contact(make(grid, 0, 2), moved)
+    both = Contact(make(grid, 0, 2), make(grid, 2, 4))
+    for ask, words in ((both.settle, "settle is of one body: settle each body in a QuasiStatic run of its own"),
+                       (both.balance, r"balance is of one body: .*run\.balance\(\)"),
+                       (both.reactions, r"reactions are of one body: .*run\.reactions")):
+        with pytest.raises(ValueError, match=words):
+            ask()

@@ -35,7 +35,8 @@ class Clock:
 
 def a_run(clock):
     """A run whose pieces take 1, 2, 4, … seconds; the recovery is called inside carry, the solver inside solve."""
-    run = SimpleNamespace(bodies=[1], stencils=[SimpleNamespace(gradient_at_points=clock.work(1))], composites=[], correction=None)
+    run = SimpleNamespace(bodies=[1], stencils=[SimpleNamespace(gradient_at_points=clock.work(1))], composites=[],
+                          correction=None)
     run.scene = SimpleNamespace(prepare=clock.work(2))
     e = run.equilibrium = SimpleNamespace(assemble_tangent=clock.work(4), correct=clock.work(8))
     e.solve = clock.work(16, lambda: e.assemble_tangent(), lambda: e.correct())

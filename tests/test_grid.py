@@ -177,6 +177,33 @@ def test_a_file_without_quadrilaterals_is_refused(tmp_path):
         Grid.read(tmp_path / "triangle.vtu")
 
 
+@pytest.mark.parametrize(("axes", "words"), [((0, 2), "in the xz plane"), ((1, 2), "in the yz plane"),
+                                             ((0, 1), None), ((1, 0), None)])
+def test_quadrilaterals_lie_in_the_xy_plane_at_any_height(tmp_path, axes, words):
+    x = np.full((4, 3), 7.0)
+    x[:, axes] = [[0, 0], [2, 0], [2, 1], [0, 1]]
+    meshio.write(tmp_path / "flat.vtu", meshio.Mesh(x, [("quad", [[0, 1, 2, 3]])]))
+    if words is None:
+        assert Grid.read(tmp_path / "flat.vtu").cells == 1
+        return
+    with pytest.raises(ValueError, match=f"path names a file whose quadrilaterals lie {words}; .*turn the mesh"):
+        Grid.read(tmp_path / "flat.vtu")
+
+
+def test_quadrilaterals_on_a_surface_in_space_are_refused(tmp_path):
+    x = np.array([[0, 0, 0], [2, 0, 1], [2, 1, 1], [0, 1, 0]], float)
+    meshio.write(tmp_path / "roof.vtu", meshio.Mesh(x, [("quad", [[0, 1, 2, 3]])]))
+    with pytest.raises(ValueError, match="quadrilaterals lie on a surface in space"):
+        Grid.read(tmp_path / "roof.vtu")
+
+
+def test_a_file_that_cannot_be_read_is_an_error_of_the_system(tmp_path):
+    (tmp_path / "junk.vtu").write_text("no mesh")
+    for name, words in (("junk.vtu", "meshio cannot read it"), ("nowhere.vtu", "nowhere.vtu")):
+        with pytest.raises(OSError, match=f"grid not read: .*{words}"):
+            Grid.read(tmp_path / name)
+
+
 def test_a_crooked_mesh_is_refused_where_the_lattice_is_wanted(tmp_path):
     _, points, cells = shuffled(2, np.random.default_rng(0))
     points[cells[0, 0], 0] += 1e-3

@@ -1,5 +1,7 @@
 """B-bar: volume changes by the mean of a cell, in the forms, at Gauss points and at material points."""
 
+import warnings
+
 import dense
 import numpy as np
 import pytest
@@ -271,3 +273,60 @@ def test_a_displacement_that_is_no_number_is_refused(value):
     grid = dense.uneven(2)
     with pytest.raises(ValueError, match="value of Fixed"):
         FiniteElements(grid, dense.SOIL, QuasiStatic(1), oedometer(grid, value))
+
+
+# -- where it is in doubt -------------------------------------------------------------------------------------------
+
+
+def heard(body, stepping, material=None):
+    """What is said when a run with B-bar is built, of points or, for a material, of finite elements."""
+    grid = Grid.box((0.0, 0.0), (2.0, 2.0), (8, 8))
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        if material is not None:
+            FiniteElements(grid, material, stepping, [Fixed(grid.facets("bottom"))], b_bar=True)
+        else:
+            Simulation(grid, body(grid), stepping, [], b_bar=True)
+    assert all(w.filename == __file__ and w.category is UserWarning for w in said)
+    return [str(w.message) for w in said]
+
+
+def block(shift=0.0, law=dense.SOIL, jitter=0.3):
+    def make(grid):
+        body = MaterialPoints.fill(grid, law, 4, lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0), jitter=jitter)
+        body.x += shift
+        body.seat = body.seat if body.seat is None else body.seat + shift
+        return body
+    return make
+
+
+class Other:
+    """A law with a history that is no VonMises, by all else like one."""
+
+    def __init__(self, law):
+        self.law = law
+
+    def __getattr__(self, name):
+        if name in ("law", "softening"):
+            raise AttributeError(name)
+        return getattr(self.law, name)
+
+
+FLOWS, SOFTENS = VonMises(dense.SOIL, 1e4, 1e4, 0.0), VonMises(dense.SOIL, 1e4, 1e3, 1e5)
+
+
+def test_partly_filled_cells_in_dynamics_are_told():
+    """A block off the grid's lines by .15 h, which fills 3 × 3 of 5 × 5 cells, gains energy at rest."""
+    (words,) = heard(block(0.15 * 0.25), Newmark(1e-3))
+    assert words.startswith("b_bar in dynamics with 16 partly filled cells: motion grows")
+    assert heard(block(0.15 * 0.25), QuasiStatic(2)) == heard(block(), Newmark(1e-3)) == []
+
+
+def test_softening_and_flow_that_changes_volume_are_told():
+    (words,) = heard(block(law=SOFTENS, jitter=0.0), QuasiStatic(2))
+    assert words.startswith("b_bar with softening = 100000: where a side of the body lies on a grid line")
+    assert heard(block(law=FLOWS, jitter=0.0), QuasiStatic(2)) == []
+    for body, material in ((block(law=Other(FLOWS), jitter=0.0), None), (None, Other(FLOWS))):
+        (words,) = heard(body, QuasiStatic(2), material)
+        assert words.startswith("b_bar with Other: where flow changes volume")
+    assert heard(None, QuasiStatic(2), SOFTENS) == heard(None, QuasiStatic(2), FLOWS) == []

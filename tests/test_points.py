@@ -1,13 +1,16 @@
 """Material points fill a body, surface points its edge; both follow an affine motion exactly."""
 
+import warnings
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_fenicsx import Grid, MaterialPoints, SurfacePoints
+from mpm_fenicsx import Fixed, Grid, LinearElastic, MaterialPoints, QuasiStatic, Simulation, SurfacePoints, Traction
 from mpm_fenicsx.random_numbers import uniform
 
+SOIL = LinearElastic(young=5e6, poisson=0.3, density=1800.0)
 few = settings(max_examples=30, deadline=None)
 SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1), "back": (2, 0), "front": (2, 1)}
 
@@ -280,3 +283,80 @@ def test_two_steps_of_a_surface_are_one(grid, soil):
 def test_surface_points_that_make_no_sense_are_refused(x, normal, area, words):
     with pytest.raises(ValueError, match=words):
         SurfacePoints(x, np.array(normal, float), area)
+
+
+@pytest.mark.parametrize(("per_cell", "low", "high"), [(4, 0.06, 0.10), (16, 0.015, 0.04)])
+def test_jitter_costs_what_fill_says(per_cell, low, high):
+    """A block on rollers under 500 Pa: 6 to 10 % off with 4 points a cell, 2 to 4 % with 16, on either grid."""
+    for n in (4, 8):
+        grid = Grid.box((0.0, 0.0), (1.0, 1.0), (n, n))
+        body = MaterialPoints.fill(grid, SOIL, per_cell, jitter=0.3)
+        rollers = Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")
+        run = Simulation(grid, body, QuasiStatic(1), [*rollers, Traction(grid.facets("top"), (0.0, -500.0))])
+        run.step()
+        run.settle()
+        assert low < np.sqrt(((body.stress[:, 1] + 500.0) ** 2).mean()) / 500.0 < high
+
+
+# -- staircases -----------------------------------------------------------------------------------------------------
+
+
+def on_a_fine_grid(dim, inside):
+    grid = Grid.box((0.0,) * dim, (2.0, 2.0, 0.5)[:dim], (16, 16, 4)[:dim])
+    return MaterialPoints.fill(grid, SOIL, 2**dim, inside, jitter=0.2)
+
+
+def below(angle, top=1.0):
+    """What lies under a slope through the middle, in degrees."""
+    return lambda x: x[1] - top < np.tan(np.radians(angle)) * (x[0] - 1.0)
+
+
+SLOPES = {f"{angle} degrees": (below(angle), ("top",)) for angle in (5, 10, 20, 30, 45, 60, 75, 85)} | {
+    "30 degrees, from the left": (below(-30), ("right",)), "80 degrees, from the left": (below(80), ("left",)),
+    "circle": (lambda x: np.hypot(x[0] - 1, x[1] - 1) < 0.7, ("left", "top")),
+    "tunnel": (lambda x: np.hypot(x[0] - 1, x[1] - 1) > 0.5, ("bottom",)),
+    "embankment": (lambda x: x[1] < np.minimum(1.0, 0.8 * np.minimum(x[0], 2 - x[0])), ("top",)),
+    "arc": (lambda x: x[1] < 1.0 + 0.3 * np.sin(2 * x[0]), ("top",)),
+}
+BLOCKS = {
+    "block": (lambda x: (np.abs(x[:2] - 1) < 0.5).all(axis=0), ("left", "right", "top", "bottom")),
+    "full": (None, ("left", "right", "top", "bottom")),
+    "L": (lambda x: (x[0] < 0.5) | (x[1] < 0.5), ("left", "right", "top")),
+    "stairs": (lambda x: x[1] < 0.25 + 0.25 * np.floor(4 * x[0]) / 1.0, ("left", "top")),
+    "steps down and up": (lambda x: x[1] < 0.5 + 0.375 * np.abs(np.floor(2 * x[0]) - 1.5), ("left", "right", "top")),
+    "square tunnel": (lambda x: (np.abs(x[:2] - 1) > 0.3).any(axis=0), ("left", "right", "top", "bottom")),
+    "two blocks": (lambda x: ((x[0] < 0.5) & (x[1] < 1.2)) | ((x[0] > 1.1) & (x[1] < 0.7)), ("left", "top")),
+    "wall of one point": (lambda x: (np.abs(x[0] - 1.03) < 0.0625) & (x[1] < 1), ("left", "right", "top")),
+    "flat part of a slope": (lambda x: x[1] < np.minimum(1.0, 0.25 + x[0]), None),
+}
+
+
+@pytest.mark.parametrize("name", SLOPES)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_slopes_and_curves_are_told_to_be_staircases(dim, name):
+    inside, sides = SLOPES[name]
+    with pytest.warns(UserWarning, match=r"is a staircase of \d+ levels, .*where=.*SurfacePoints") as heard:
+        on_a_fine_grid(dim, inside).surface(*sides)
+    assert heard[0].filename == __file__
+
+
+@pytest.mark.parametrize("name", BLOCKS)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_blocks_and_large_steps_are_not(dim, name):
+    inside, sides = BLOCKS[name]
+    body = on_a_fine_grid(dim, inside)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        if sides is None:
+            body.surface("top", where=lambda x: x[0] > 0.8)
+        else:
+            body.surface(*sides, *(("back", "front") if dim == 3 else ()))
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_ball_is_told_from_every_side(axis):
+    grid = Grid.box((0.0,) * 3, (2.0,) * 3, (8,) * 3)
+    ball = MaterialPoints.fill(grid, SOIL, 8, lambda x: np.linalg.norm(x - 1.0, axis=0) < 0.8)
+    for side in list(SIDES)[2 * axis : 2 * axis + 2]:
+        with pytest.warns(UserWarning, match=f"surface: {side} is a staircase of"):
+            ball.surface(side)

@@ -28,6 +28,7 @@ from mpm_fenicsx import (
     VonMises,
     tensors,
 )
+from mpm_fenicsx.inside import among
 
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 KINDS = pytest.mark.parametrize("kind", ["FE", "points"])
@@ -75,12 +76,11 @@ def run_with(kind, dim, field, rng):
 
 
 def places(run, rng):
-    """Random places, corners, an edge, a sample, places all but on one, and some outside."""
+    """Random places, corners, an edge, a sample, and places all but on one."""
     dim, low, high = run.grid.dim, run.grid.lower_corner, run.grid.upper_corner
     samples = run.sampler("stress")[0]
     near = [samples[3] + 10.0**-k * rng.normal(size=dim) for k in range(2, 14)]
-    return [*rng.uniform(low, high, (6, dim)), low, high, np.r_[high[0], low[1:]], samples[2], *near,
-            high + 0.2, low - 0.1 * rng.uniform(size=dim)]
+    return [*rng.uniform(low, high, (6, dim)), low, high, np.r_[high[0], low[1:]], samples[2], *near]
 
 
 @FIELDS
@@ -109,7 +109,7 @@ def test_probes_on_columns_and_flat_cells(cells):
     grid = Grid.box((0, 0), (10, 1), cells)
     run = FiniteElements(grid, dense.SOIL, QuasiStatic(1), [])
     run.motion.nodal(run.displacement)[:] = dense.at_nodes(grid, lambda x: 1.0 + 2 * x).reshape(-1, 2)
-    for at in ((3.3, 0.5), (0.0, 0.0), (9.9, 0.013), (5.0, 1.2)):
+    for at in ((3.3, 0.5), (0.0, 0.0), (9.9, 0.013), (5.0, 1.0)):
         stress = run.record(Probe("stress", at)).values[0]
         np.testing.assert_allclose(stress, run.stress(np.array([0]))[0], rtol=1e-9, atol=1e-3)
         probe = run.record(Probe("displacement", at))
@@ -164,6 +164,74 @@ def test_what_a_probe_refuses(kind):
     for field in ("velocity", "acceleration"):
         with pytest.raises(ValueError, match=f"field '{field}' is not part of this scene"):
             make(QuasiStatic(2)).record(Probe(field, (0.5, 0.5)))
+
+
+# -- places outside -------------------------------------------------------------------------------------------------
+
+
+def block(grid, **keywords):
+    """A square or cube [0.5, 1.5]^dim with a hole of half a metre in its middle."""
+    return MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim, lambda x: (
+        (x > 0.5) & (x < 1.5)).all(axis=0) & ~(np.abs(x - 1.0) < 0.25).all(axis=0), **keywords)
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.45])
+@DIMS
+def test_a_probe_outside_the_body_is_refused_with_what_is_nearest(dim, jitter):
+    """Points are 1/16 m apart: half that beyond the edge is still taken for inside."""
+    grid = Grid.box((0.0,) * dim, (3.0,) * dim, (24,) * dim)
+    other = MaterialPoints.fill(grid, dense.SOIL, 2**dim, lambda x: (x > 2.5).all(axis=0))
+    body = block(grid, jitter=jitter)
+    run = Simulation(grid, [body, other], Newmark(1e-3), [])
+    edge = np.full(dim, 1.2)
+    for y in (0.5, 0.5 - 0.03, 1.5, 1.5 + 0.03):
+        edge[1] = y
+        run.record(Probe("stress", edge))
+    for inside in ((0.6,) * dim, (0.5,) * dim, (1.5,) * dim, (1.25,) * dim, (2.5,) * dim, (3.0,) * dim):
+        run.record(Probe("stress", inside))
+    for outside in ((1.0,) * dim, (2.0,) * dim, (0.1,) * dim, (1.2, 1.6, 1.2)[:dim], (1.2, 0.4, 1.2)[:dim]):
+        with pytest.raises(ValueError, match=r"^at must lie inside the body, got .* begins 0?\.?\d+.* m away, at x=\["):
+            run.record(Probe("stress", outside))
+
+
+@DIMS
+def test_a_probe_among_points_that_are_strewn_is_inside(dim):
+    """Far apart, with small support domains; or tiles of all sizes."""
+    rng = np.random.default_rng(4)
+    grid = dense.uneven(dim)
+    x = rng.uniform(0.0, 1.0, (400, dim))
+    strewn = MaterialPoints(dense.SOIL, x, np.full_like(x, 1e-3), np.full(len(x), 1.0 / len(x)))
+    for body in (strewn, dense.tiles(grid, rng)):
+        assert all(among([body], at) for at in rng.uniform(0.0, 1.0, (300, dim)))
+        beyond = np.full(dim, 2.0), np.full(dim, -0.8), np.r_[1.9, [0.5] * (dim - 1)]
+        assert not any(among([body], at) for at in beyond)
+
+
+def test_a_probe_in_a_body_that_has_turned_and_sheared_is_inside():
+    """Support domains keep their axes, and leave gaps."""
+    grid = Grid.box((-2.0, -2.0), (2.0, 2.0), (16, 16))
+    body = MaterialPoints.fill(grid, dense.SOIL, 4, lambda x: (np.abs(x) < 0.5).all(axis=0))
+    F = np.array([[1.0, 0.4], [0.0, 1.0]]) @ np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2)
+    body.x = body.x @ F.T
+    places = np.random.default_rng(1).uniform(-0.5, 0.5, (300, 2))
+    assert all(among([body], at) for at in places @ F.T)
+    assert not any(among([body], at) for at in (1.35 * np.sign(places)) @ F.T)
+
+
+@pytest.mark.parametrize("slant", [0.0, 0.4])
+@DIMS
+def test_a_probe_outside_the_mesh_is_refused(dim, slant):
+    """Edges and corners of cells, slanted ones too, are inside; a hair beyond is not."""
+    grid = dense.uneven(dim)
+    grid.mesh.geometry.x[:, 0] += slant * grid.mesh.geometry.x[:, 1]
+    run = FiniteElements(grid, dense.SOIL, QuasiStatic(1), [])
+    rng = np.random.default_rng(2)
+    corners = grid.mesh.geometry.x[:, :dim]
+    for at in (*corners, *(rng.dirichlet(np.ones(len(corners)), 20) @ corners)):
+        assert run.holds(at)
+    for at in ((0.5 + slant, 1.001, 0.5), (0.5, -0.001, 0.5), (1.001 + 0.5 * slant, 0.5, 0.5)):
+        with pytest.raises(ValueError, match=r"^at must lie inside the body, got"):
+            run.record(Probe("displacement", at[:dim]))
 
 
 # -- energy ---------------------------------------------------------------------------------------------------------

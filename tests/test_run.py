@@ -1,5 +1,7 @@
 """Time, recorders, and runs that cannot go on."""
 
+import warnings
+
 import dense
 import numpy as np
 import pytest
@@ -41,7 +43,8 @@ def test_recorders_see_the_start_and_every_step(kind, stepping):
     assert notes.times == pytest.approx([0.0, 0.1, 0.2, 0.3])
     assert run.next_time == pytest.approx(0.4)
     run.until(0.3)
-    run.until(0.1)  # the past is past
+    with pytest.raises(ValueError, match=r"t must not be past, .* has come to t = 0\.3, got 0\.1"):
+        run.until(0.1)
     assert run.steps == 3
 
 
@@ -116,3 +119,20 @@ def test_a_recorder_that_fails_does_not_pass_for_the_step():
 def test_until_needs_a_time(t):
     with pytest.raises(ValueError, match=r"^t must be"):
         make("FE", Newmark(0.1)).until(t)
+
+
+@pytest.mark.parametrize(("dt", "t", "stop"), [(0.3, 1.0, 0.9), (0.1, 0.46, 0.5), (0.3, 0.1, 0.0)])
+def test_until_says_where_it_stops_if_it_is_no_whole_number_of_steps(dt, t, stop):
+    run = make("FE", Newmark(dt))
+    with pytest.warns(UserWarning, match=rf"until\({t}\) stops at t = {stop:.6g}: .*no whole number of steps of {dt}"):
+        run.until(t)
+    assert run.time == pytest.approx(stop)
+
+
+def test_until_takes_rounded_times_for_whole_numbers_of_steps():
+    run = make("FE", Newmark(0.1))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        for t in (0.1 + 0.2, 0.7 - 1e-12, 8 * 0.1 + 1e-13, 0.8):
+            run.until(t)
+    assert run.steps == 8

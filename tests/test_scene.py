@@ -1,21 +1,26 @@
 """What a scene holds: loads in every shape, one patch a surface, surface points that follow the grid."""
 
+import functools
 import gc
 import weakref
 
 import dense
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline, interp1d, make_interp_spline
 
 from mpm_fenicsx import (
     DM_GC,
     GIMP,
     MPM,
+    DeadLoad,
+    FiniteElements,
     Fixed,
     Gravity,
     MaterialPoints,
     Newmark,
     QuasiStatic,
+    RunError,
     Simulation,
     SurfacePoints,
     Traction,
@@ -47,6 +52,118 @@ def test_a_load_keeps_the_numbers_it_was_given():
     function, _ = as_load("value", value, 2)
     value[:] = 99.0
     np.testing.assert_array_equal(function(0.0, np.zeros((1, 2))), [1.0, 2.0])
+
+
+class Ramp:
+    """A callable object, with an option."""
+
+    def __call__(self, t, rate=2.0):
+        return 0.0, rate * t
+
+
+def anything(*args):
+    return 0.0, 2.0 * args[0]
+
+
+TIMES = np.linspace(0.0, 1.0, 5)
+RAMPS = {  # all of them (0, 2 t)
+    "default": lambda t, s=2.0: (0.0, s * t),
+    "defaults": lambda t, s=2.0, *, turned=False: (0.0, s * t),
+    "partial by name": functools.partial(lambda t, s: (0.0, s * t), s=2.0),
+    "partial by place": functools.partial(lambda s, t: (0.0, s * t), 2.0),
+    "partial of one with a place": functools.partial(lambda t, x: (0.0, x * t), x=2.0),
+    "object": Ramp(),
+    "method": Ramp().__call__,
+    "any number of arguments": anything,
+    "spline": CubicSpline(TIMES, np.stack((0 * TIMES, 2 * TIMES), 1)),
+    "B-spline": make_interp_spline(TIMES, np.stack((0 * TIMES, 2 * TIMES), 1)),
+    "interp1d": interp1d(TIMES, np.stack((0 * TIMES, 2 * TIMES)), axis=1),
+    "vectorized": np.vectorize(lambda t: np.array([0.0, 2.0 * t]), signature="()->(n)"),
+    "built in, without signature": {t: (0.0, 2 * t) for t in (0.0, 0.5)}.__getitem__,
+}
+FIELDS = {  # all of them (0, t + x)
+    "place": lambda t, x: np.stack((0 * x[:, 0], t + x[:, 0]), 1),
+    "place by another name": lambda t, where: np.stack((0 * where[:, 0], t + where[:, 0]), 1),
+    "default": lambda t, x, s=1.0: np.stack((0 * x[:, 0], s * (t + x[:, 0])), 1),
+    "default first": lambda t, s=1.0, x=None: np.stack((0 * x[:, 0], s * (t + x[:, 0])), 1),
+    "place with a default": lambda t, x=None: np.stack((0 * x[:, 0], t + x[:, 0]), 1),
+    "by name": lambda t, *, position: np.stack((0 * position[:, 0], t + position[:, 0]), 1),
+    "partial": functools.partial(lambda s, t, x: np.stack((0 * x[:, 0], s * (t + x[:, 0])), 1), 1.0),
+    "any number of arguments": lambda *a: np.stack((0 * a[1][:, 0], a[0] + a[1][:, 0]), 1),
+}
+
+
+@pytest.mark.parametrize("name", RAMPS)
+def test_whatever_can_be_called_with_a_time_is_a_load(name):
+    function, placed = as_load("value", RAMPS[name], 2)
+    assert not placed
+    np.testing.assert_allclose(function(0.5, np.ones((4, 2))), [0.0, 1.0], atol=1e-15)
+    assert function.fault is None
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_whatever_can_be_called_with_a_time_and_a_place_is_a_load(name):
+    function, placed = as_load("value", FIELDS[name], 2)
+    assert placed
+    np.testing.assert_allclose(function(0.5, np.array([[1.0, 2.0], [3.0, 4.0]])), [[0.0, 1.5], [0.0, 3.5]])
+
+
+@pytest.mark.parametrize("make", [lambda on, f: Traction(on, f), lambda on, f: DeadLoad(on, f),
+                                  lambda on, f: Gravity(f)], ids=["Traction", "DeadLoad", "Gravity"])
+def test_terms_do_not_give_a_default_the_place(grid, make):
+    """Only what g = 2 is in it differs: the work of lambda t, g=2 is that of lambda t with 2."""
+    found = []
+    for function in (lambda t: (0.0, 2.0 * t), *RAMPS.values()):
+        scene = dense.bare_scene(grid, Newmark(0.5))
+        work = make(MaterialPoints.fill(grid, dense.SOIL, 4).surface("top"), function).bind(scene).work
+        scene.prepare(0.0, 0.5)
+        found.append(dense.vector(grid.space, work))
+    assert np.abs(found[0]).max() > 0.0
+    for vector in found[1:]:
+        np.testing.assert_allclose(vector, found[0], atol=1e-14)
+
+
+@pytest.mark.parametrize("value", [lambda t, s=2.0: s * t, CubicSpline(TIMES, 2 * TIMES), interp1d(TIMES, 2 * TIMES),
+                                   functools.partial(np.interp, xp=TIMES, fp=2 * TIMES), np.vectorize(lambda t: 2 * t),
+                                   lambda t: np.array([2 * t]), np.poly1d([2.0, 0.0])])
+def test_supports_move_by_whatever_can_be_called_with_a_time(grid, value):
+    scene = dense.bare_scene(grid, QuasiStatic(2))
+    Fixed(grid.facets("top"), "y", value).bind(scene)
+    scene.prepare(0.0, 0.5)
+    (_, moved), = scene.motion.moved
+    assert moved == pytest.approx(1.0, rel=1e-12)
+
+
+@pytest.mark.parametrize(("value", "words"), [
+    (lambda: (0.0, 1.0), r"which says at t=0: .*positional argument"),
+    (lambda t, x, s: (0.0, s), "which says at t=0: .*missing 1 required positional argument: 's'"),
+    (lambda x, t: x, "take time before place"),
+    (lambda t: None, "got None at t=0"),
+    (lambda t: {}["key"], "which says at t=0: KeyError: 'key'"),
+    (interp1d(TIMES + 1, np.stack((TIMES, TIMES))), "which says at t=0: .*below the interpolation range"),
+    (lambda t, x: np.full(x.shape, np.nan), "nan"),
+])
+def test_what_is_no_load_is_refused_with_its_own_words(value, words):
+    with pytest.raises(ValueError, match=rf"(?s)^value must .*{words}"):
+        as_load("value", value, 2)
+
+
+def test_a_load_that_is_not_a_number_everywhere_is_heard_where_it_is_asked_for():
+    """Towards a centre: nothing is wrong with it while no point is there."""
+    load, _ = as_load("value", lambda t, x: -x / np.linalg.norm(x, axis=1)[:, None] ** 3, 2,
+                      np.array([[0.0, 0.0], [1.0, 0.0]]))
+    np.testing.assert_array_equal(load(0.0, np.array([[2.0, 0.0]])), [[-0.25, 0.0]])
+    with np.errstate(all="ignore"):
+        load(0.0, np.zeros((1, 2)))
+    assert load.fault.startswith("value must be finite, got [nan nan] at t = 0, x=[0. 0.]")
+
+
+@pytest.mark.parametrize("late", [None, (1.0, 2.0, 3.0), "soon"])
+def test_a_load_that_turns_into_something_else_stops_the_run_with_a_sentence(grid, late):
+    run = FiniteElements(grid, dense.SOIL, Newmark(0.1), [Gravity(lambda t: late if t > 0.15 else (0.0, 1.0))])
+    run.step()
+    with pytest.raises(RunError, match=r"step 2, t = 0\.2: g of Gravity must give 2 finite numbers, got .*at t = 0\.2"):
+        run.step()
 
 
 def test_terms_on_one_surface_share_its_patch(grid):

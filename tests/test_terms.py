@@ -8,6 +8,7 @@ import ufl
 from mpm_fenicsx import (
     MPM,
     DeadLoad,
+    FiniteElements,
     Fixed,
     Gravity,
     Grid,
@@ -15,6 +16,7 @@ from mpm_fenicsx import (
     MaterialPoints,
     Newmark,
     QuasiStatic,
+    RunError,
     Simulation,
     SurfacePoints,
     Traction,
@@ -224,6 +226,20 @@ def test_a_dead_load_keeps_its_force_where_the_surface_stretches(dim, rng):
         np.testing.assert_allclose(found, force[type(term)], rtol=1e-12)
 
 
+def test_a_dead_load_keeps_its_force_in_the_next_run(rng):
+    """The area at the start is that of the first run, be the second one built on a surface that has stretched."""
+    grid = dense.uneven(2)
+    on = markers(grid, rng)
+    force = on.area.sum() * np.array([1.0, 2.0])
+    system(grid, DeadLoad(on, (1.0, 2.0)))
+    on.area *= 4.0
+    R, _, scene = system(grid, DeadLoad(on, (1.0, 2.0)))
+    np.testing.assert_allclose(-R.reshape(-1, 2).sum(axis=0), force, rtol=1e-12)
+    kept = scene.patch(on).state()["rest_area"]
+    assert kept is on.rest_area  # it goes into checkpoints
+    assert "rest_area" not in dense.bare_scene(grid, STEPPING).patch(markers(grid, rng)).state()
+
+
 def test_a_dead_load_refuses_what_is_no_load(rng):
     with pytest.raises(ValueError, match="value of DeadLoad must give 2 finite numbers, got 'heavy'"):
         system(dense.uneven(2), DeadLoad(markers(dense.uneven(2), rng), "heavy"))
@@ -298,3 +314,46 @@ def test_loads_take_their_value_at_the_end_of_the_step(stepping):
     run.step()
     run.step()
     assert times == pytest.approx([0.0] * stepping.dynamic + [stepping.dt, 2 * stepping.dt])  # a₀ is of the start
+
+
+# -- supports that meet ---------------------------------------------------------------------------------------------
+
+
+def both_kinds(grid, terms, stepping=STEPPING):
+    return [lambda: Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim), stepping, terms),
+            lambda: FiniteElements(grid, dense.SOIL, stepping, terms)]
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_supports_that_move_a_corner_in_two_ways_are_refused_by_name_and_place(dim):
+    grid = dense.uneven(dim)
+    left, bottom = grid.facets("left"), grid.facets("bottom")
+    for first, second in ((None, lambda t: 2.0 * t), (lambda t: t, lambda t: 2.0 * t), (lambda t: 2.0 * t, None)):
+        for make in both_kinds(grid, [Fixed(left, "x", first), Fixed(bottom, value=second)]):
+            with pytest.raises(ValueError, match=r"Fixed on left and Fixed on bottom share the node "
+                                                 r"x=\[0\. 0\.( 0\.)?\] in x, and move it by .* from t = 0 to 0\.01"):
+                make()
+
+
+def test_supports_that_move_what_they_share_alike_are_taken():
+    grid = dense.uneven(2)
+    sides = [grid.facets(side) for side in ("left", "right", "bottom", "top")]
+    for terms in ([Fixed(sides[0], "x", lambda t: t), Fixed(sides[2], "y", lambda t: 2 * t)],  # other components
+                  [Fixed(sides[0], "x", lambda t: t), Fixed(sides[1], "x")],  # no node in common
+                  [Fixed(sides[0], "x", lambda t: 0.1 * t), Fixed(sides[2], "x", lambda t: t / 10)],
+                  [Fixed(side) for side in sides]):
+        for make in both_kinds(grid, terms):
+            assert len(make().terms) == len(terms)
+
+
+def test_supports_that_part_later_stop_the_run_there():
+    grid = dense.uneven(2)
+    terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.255, 0.0))]
+    for make in both_kinds(grid, terms):
+        run = make()
+        run.until(0.25)
+        with pytest.raises(RunError, match=r"step 26, t = 0\.26: Fixed on left and Fixed on bottom share the node"):
+            run.step()
+    with pytest.raises(ValueError, match=r"from t = 0\.5 to 0\.75"):
+        FiniteElements(grid, dense.SOIL, QuasiStatic(4), [terms[0], Fixed(
+            grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.5, 0.0))])
