@@ -1,4 +1,4 @@
-"""The twin: a finite element run of the same terms, material and stepping, with the same forms."""
+"""The twin: a finite element run of the same terms, materials and stepping, with the same forms."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from dolfinx import fem
 from ufl import inner
 
 from . import fenicsx, kernels, tensors
+from .cell_materials import CellMaterials
 from .equilibrium import Equilibrium
 from .finite_strain_elements import FiniteStrainElements
 from .gauss import GaussPoints
 from .grid import Grid
-from .kinematics import FINITE_STRAIN
 from .motion import Motion
 from .newton import Newton
 from .run import Run
@@ -27,10 +27,17 @@ from .yielding import Yielding, YieldingElements
 class FiniteElements(Run):
     """Finite element run on the whole grid, bilinear (trilinear) elements, in the configuration at rest.
 
+    ``material``: one; or the bodies of a material point run, at rest, which must fill the grid's cells, each with
+    points of one material; or pairs (material, where), ``where`` mapping x (dim, n), m, to bool (n,) at the cells'
+    centres, on any mesh.  See ``CellMaterials``.
     At small strain the tangent does not change, so it is assembled and factored once; ``reassemble`` does it every
     step, as a material point run must, for a fair clock.  ``solver``: PETSc options.  ``b_bar``: volume changes by the
-    cell's mean, which cures locking where ν comes near ½ or flow keeps the volume.  ``start``: the run whose state
-    this one goes on from, at time 0 again; a quasi-static one is at rest.
+    cell's mean, which cures locking where ν comes near ½ or flow keeps the volume.
+
+    ``start``: the run whose state this one goes on from: displacement, stress and history, velocity and acceleration (a
+    quasi-static one is at rest), and what springs have accumulated on the same facets; springs on other facets start
+    unstressed, surface points carry theirs.  Time is 0 again: loads are asked from there on, and ``Fixed`` moves by
+    what its value changes from there on.  Raises ``ValueError`` naming what is wrong.
     """
 
     bodies = ()  # no material points
@@ -40,12 +47,13 @@ class FiniteElements(Run):
                  solver: Mapping[str, object] | None = None, b_bar: bool = False,
                  start: FiniteElements | None = None):
         super().__init__("FE", grid, stepping, terms)
-        self.material, self.b_bar = material, b_bar
-        self.reassemble = reassemble or material.kinematics is FINITE_STRAIN
+        materials = self.materials = CellMaterials.of(grid, material)
+        self.material, self.b_bar = materials.one, b_bar
+        self.reassemble = reassemble or materials.finite
         motion = self.motion = Motion(grid, stepping)
         self.displacement = fem.Function(grid.space, name="displacement")
-        numbers = material.density, *material.kinematics.lame(material)
-        density, λ, μ = (fem.Constant(grid.mesh, np.array(v)) for v in numbers)
+        numbers = [(law.density, *law.kinematics.lame(law)) for law in materials.materials]
+        density, λ, μ = (materials.field(values) for values in zip(*numbers, strict=True))
         self._lame = λ, μ
         scene = self.scene = Scene(grid, motion, density, motion.region.dx(metadata={"quadrature_degree": 3}))
         internal = [elasticity(scene, scene.dx, λ, μ, self.displacement, b_bar)]
@@ -61,14 +69,14 @@ class FiniteElements(Run):
             self._go_on_from(start)
 
     def _can_yield(self) -> Yielding | None:
-        """What yielding or finite strain adds to the step, where the material is of that kind."""
-        if self.material.kinematics is FINITE_STRAIN:
+        """What yielding or finite strain adds to the step, where a material is of that kind."""
+        if self.materials.finite:
             if self.b_bar:
                 raise ValueError(f"b_bar is for small strain only, got {self.material!r}")
-            return FiniteStrainElements(self.motion, GaussPoints(self.grid), self.material)
-        if not self.material.history:
+            return FiniteStrainElements(self.motion, GaussPoints(self.grid), self.materials)
+        if not any(law.history for law in self.materials.materials):
             return None
-        return YieldingElements(self.motion, GaussPoints(self.grid, self.b_bar), self.material)
+        return YieldingElements(self.motion, GaussPoints(self.grid, self.b_bar), self.materials)
 
     def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
         """Solve for the displacement from ``start`` to ``end`` (s)."""
@@ -96,8 +104,11 @@ class FiniteElements(Run):
         return self.equilibrium.support(None)
 
     def _go_on_from(self, start: FiniteElements) -> None:
-        if (start.grid, start.material, start.b_bar) != (self.grid, self.material, self.b_bar):
-            raise ValueError("start must be a finite element run on the same grid, of the same material, b_bar alike")
+        if not isinstance(start, FiniteElements):
+            raise ValueError(f"start must be a finite element run, got {type(start).__name__}")
+        if (start.grid, start.b_bar) != (self.grid, self.b_bar) or not self.materials.alike(start.materials):
+            raise ValueError("start must be a finite element run on the same grid, of the same material in every cell, "
+                             f"b_bar alike, got one of {start.material!r}, b_bar={start.b_bar}")
         fields = [(self.displacement, start.displacement)]
         if self.stepping.dynamic and start.stepping.dynamic:
             fields += [(self.motion.v, start.motion.v), (self.motion.a, start.motion.a)]
@@ -105,6 +116,7 @@ class FiniteElements(Run):
             f.x.array[:] = before.x.array
         if self.yielding is not None:
             self.yielding.take(start.yielding)
+        self.scene.go_on_from(start.scene)
 
     def state(self) -> dict[str, np.ndarray]:
         """What the next step depends on: displacement and motion, springs, stress and history; not copied."""
@@ -148,15 +160,18 @@ class FiniteElements(Run):
         u = self.motion.nodal(self.displacement)[fenicsx.cell_dofs(grid.space)[cells]]
         gradient = np.einsum("cki,kj->cij", u, slope) @ np.linalg.inv(np.einsum("cki,kj->cij", x, slope))
         strain = tensors.strain(gradient)
-        return self.material.update(strain, np.zeros_like(strain))
+        return self.materials.elastic_stress(cells, strain)
 
     def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """What to show on nodes, displacement and velocity, and in cells, stress at their centres."""
+        """What to show on nodes, displacement and velocity, and in cells, stress at their centres and,
+        where there are several materials, their numbers."""
         motion, known = self.motion, {"displacement": self.displacement}
         if self.stepping.dynamic:
             known["velocity"] = motion.v
         nodal = {name: motion.nodal(field) for name, field in known.items()}
-        return nodal, {"stress": self.stress(np.arange(self.grid.owned_cells))}
+        cells = np.arange(self.grid.owned_cells)
+        of = {"material": self.materials.number[cells].astype(np.int32)} if len(self.materials.materials) > 1 else {}
+        return nodal, {"stress": self.stress(cells), **of}
 
     @cached_property
     def _energies(self) -> dict[str, object]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import singledispatch
 
 import numpy as np
@@ -32,7 +32,7 @@ class FacetPatch:
         if surface.grid is not scene.grid:
             raise ValueError(f"on: the facets {surface.names} belong to another grid")
         self.grid, self.motion = scene.grid, scene.motion
-        self.measure = surface.measure
+        self.measure, self._surface = surface.measure, surface
         self._refresh: list[Callable[[float, float], None]] = []
         self._total: fem.Function | None = None
 
@@ -77,6 +77,33 @@ class FacetPatch:
             self._total = fem.Function(self.grid.space)
             self._before = fem.Function(self.grid.space)
         return self.tensor(along, across) * self._before
+
+    @property
+    def has_springs(self) -> bool:
+        """Whether springs act on it."""
+        return self._total is not None
+
+    def take(self, others: Sequence) -> list:
+        """Take over what springs on the same facets have accumulated; returns those of ``others`` that had them.
+
+        Raises ``ValueError`` on all ranks where they are on a part of these facets only, or have not accumulated the
+        same.
+        """
+        mine = set(self._surface.tags)
+        same = [p for p in others if isinstance(p, FacetPatch) and mine & set(p._surface.tags)]
+        if not same:
+            return same
+        total = same[0]._total.x.array
+        whole = mine <= set().union(*(p._surface.tags for p in same))
+        alike = all(np.array_equal(total, p._total.x.array) for p in same)
+        if anywhere(self.grid.comm, None if whole and alike else "other"):
+            raise ValueError(f"start: on a part of the facets {self._surface.names} springs have accumulated another "
+                             "displacement than on the rest: give each part a term of its own")
+        self._total.x.array[:] = total
+        return same
+
+    def __str__(self) -> str:
+        return f"the facets {self._surface.names}"
 
     def prepare(self, start: float, end: float) -> None:
         """Bring coefficients to the step."""
@@ -184,6 +211,18 @@ class PointPatch:
             return np.einsum("nij,nj->ni", self._tensors(along, across), self.points.displacement)
 
         return ufl.as_vector(self._field(self.grid.dim, values))
+
+    @property
+    def has_springs(self) -> bool:
+        """Whether springs act on it."""
+        return self.points.displacement is not None
+
+    def take(self, others: Sequence) -> list:
+        """The points carry what their springs have accumulated; returns those of ``others`` that act on them too."""
+        return [p for p in others if isinstance(p, PointPatch) and p.points is self.points]
+
+    def __str__(self) -> str:
+        return f"{len(self.points)} surface points"
 
     def prepare(self, start: float, end: float) -> None:
         """Find the points and bring coefficients to the step."""
