@@ -55,7 +55,8 @@ class FiniteElements(Run):
         numbers = [(law.density, *law.kinematics.lame(law)) for law in materials.materials]
         density, λ, μ = (materials.field(values) for values in zip(*numbers, strict=True))
         self._lame = λ, μ
-        scene = self.scene = Scene(grid, motion, density, motion.region.dx(metadata={"quadrature_degree": 3}))
+        scene = self.scene = Scene(grid, motion, density, motion.region.dx(metadata={"quadrature_degree": 3}),
+                                   at_rest=True)
         internal = [elasticity(scene, scene.dx, λ, μ, self.displacement, b_bar)]
         internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]

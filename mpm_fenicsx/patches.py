@@ -135,6 +135,7 @@ class PointPatch:
         if not scene.grid.comm.allreduce(len(points)):
             raise ValueError("on: the surface has no points")
         self.grid, self.motion, self.points = scene.grid, scene.motion, points
+        self._at_rest = scene.at_rest
         self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
         self.stencil = Stencil(self.grid, len(points), support=False)
         self.faces = Faces(self.grid, points)
@@ -239,8 +240,12 @@ class PointPatch:
         cells[self.faces.stencil.cell] = 1
 
     def carry(self) -> None:
-        """Move with the grid's displacement."""
+        """Move with the grid's displacement; at rest springs remember it, and points stay."""
         u = self.motion.nodal(self.motion.u)
+        if self._at_rest:
+            if self.has_springs:
+                self.points.displacement += self.stencil.at_points(u)
+            return
         self.points.follow(self.stencil.at_points(u), self.stencil.gradient_at_points(u))
 
     def state(self) -> dict[str, np.ndarray]:

@@ -33,6 +33,7 @@ class Scene:
     ``density`` is the field or constant ρ (kg/m³); ``dx`` integrates what it weighs; ``lame`` are the fields λ and μ
     (Pa) of material points, which like ``density`` are less where a cell is partly filled.  ``body_force`` makes ρb
     (N/m³) of a body force per mass that varies in space, and what refreshes it: at nodes, where it is not given.
+    ``at_rest``: integrals are taken in the configuration at rest, where surface points stay.
     """
 
     grid: Grid
@@ -41,6 +42,7 @@ class Scene:
     dx: ufl.Measure
     lame: tuple = ()
     body_force: Callable | None = None
+    at_rest: bool = False
     fixed: list = field(default_factory=list)
     before: list[Callable[[float, float], None]] = field(default_factory=list)
     patches: dict[int, object] = field(default_factory=dict)
