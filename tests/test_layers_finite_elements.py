@@ -2,6 +2,8 @@
 
 import re
 
+from mpi4py import MPI
+
 import dense
 import numpy as np
 import pytest
@@ -28,9 +30,9 @@ from mpm_fenicsx import (
     Traction,
     Viscous,
     VonMises,
-    fenicsx,
 )
 from mpm_fenicsx.cell_materials import CellMaterials
+from mpm_fenicsx.partition import distribute
 
 LOAD, G = 500.0, 9.81
 STIFFLY = Newton(tolerance=1e-12)
@@ -176,8 +178,7 @@ def test_a_distorted_mesh_of_layers_bears_the_load_as_well():
     x = np.array([[0, 0], [0.4, 0], [1, 0], [0, 0.3], [0.6, 0.55], [1, 0.4], [0, 1], [0.35, 1], [1, 1], [0, 1.7],
                   [0.55, 1.4], [1, 1.6], [0, 2], [0.5, 2], [1, 2]])
     cells = np.array([[3 * j + i, 3 * j + i + 1, 3 * j + i + 3, 3 * j + i + 4] for j in range(4) for i in range(2)])
-    grid = Grid(fenicsx.create_mesh(dense.uneven(2).mesh.comm, x.astype(float), cells,
-                                    lambda ranks: (np.arange(9), np.zeros(8))))
+    grid = Grid(distribute(MPI.COMM_WORLD, x, cells))
     soft, stiff = soils(2, 50.0)
     run = FiniteElements(grid, [(soft, lambda x: x[1] < 1.0), (stiff, lambda x: x[1] > 1.0)], QuasiStatic(1), [
         Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y"),
