@@ -19,14 +19,17 @@ from .partition import anywhere
 from .points import MaterialPoints
 from .shapes import Stencil
 
-INWARD = 1e-6  # of the way from a corner to the centre: where a cell is asked whether an edge cuts it
+INWARD = 1e-3  # of the way from corner to centre: where a cell is asked whether an edge cuts it
 FULL = 1e-6  # of a cell: so much may be lacking
 
 
 @dataclass(frozen=True, eq=False)
 class MaterialRows:
-    """The Gauss points of one ``material``: its ``rows`` of arrays over all Gauss points (a slice where there is no
-    other material), their ``numbers`` (n,), and ``count`` (n,), 0, 1, … n - 1."""
+    """The Gauss points of one ``material``.
+
+    ``rows``: which of arrays over all Gauss points (a slice where there is no other material);
+    ``numbers`` (n,): the same as numbers; ``count`` (n,): 0, 1, … n - 1.
+    """
 
     material: object
     rows: slice | np.ndarray
@@ -53,10 +56,12 @@ class MaterialRows:
         return self.rows[: np.searchsorted(self.rows, points)]
 
 
-def put_together(parts: Sequence[MaterialRows], function: Callable, like: Sequence[np.ndarray]) -> tuple:
-    """The arrays that ``function(part)`` gives for each part's rows, as arrays over all Gauss points.
+def put_together(parts: Sequence[MaterialRows], function: Callable,
+                 like: Sequence[np.ndarray]) -> tuple:
+    """What ``function(part)`` gives for each part's rows, as arrays over all Gauss points.
 
-    With one part they are those themselves.  ``like``: arrays of their shapes; what no part gives is zero.
+    With one part they are those themselves.  ``like``: arrays of their shapes; what no part gives
+    is zero.
     """
     if len(parts) == 1:
         return function(parts[0])
@@ -68,9 +73,10 @@ def put_together(parts: Sequence[MaterialRows], function: Callable, like: Sequen
 
 
 class CellMaterials:
-    """The ``materials`` of a grid's cells, and ``number`` (cells,), which of them each local and ghost cell is of.
+    """The ``materials`` of a grid's cells.
 
-    Equal materials count as one.  Where there is one, fields of its parameters are constants.
+    ``number`` (cells,): which of them each local and ghost cell is of.  Equal materials count as
+    one.  Where there is one, fields of its parameters are constants.
     """
 
     def __init__(self, grid: Grid, materials: Sequence, number: np.ndarray):
@@ -84,7 +90,7 @@ class CellMaterials:
 
     @classmethod
     def of(cls, grid: Grid, given) -> CellMaterials:
-        """From one material, bodies of material points, or pairs of a material and the region where it is.
+        """From one material, bodies of material points, or pairs of a material and its region.
 
         A cell is of the material of the points that lie in it.  A region maps x (dim, n), m, to
         bool (n,), and is asked at the cells' centres.  Raises ``ValueError``, on all ranks, naming
@@ -118,8 +124,8 @@ class CellMaterials:
             return repr(self.materials[0])
         cells = np.bincount(self.number, minlength=len(self.materials))
         where = zlib.crc32(np.ascontiguousarray(self.number, dtype=np.int64))
-        return ", ".join(f"{material!r} in {n} cells" for material, n in zip(self.materials, cells, strict=True)) + \
-            f", which ones {where:08x}"
+        each = [f"{law!r} in {n} cells" for law, n in zip(self.materials, cells, strict=True)]
+        return f"{', '.join(each)}, which ones {where:08x}"
 
     @property
     def one(self):
@@ -138,7 +144,7 @@ class CellMaterials:
         return not anywhere(self.grid.comm, None if same else "other")
 
     def field(self, values: Sequence[float]) -> fem.Constant | fem.Function:
-        """A parameter of forms that has one value a material: a constant, or a field of the cells."""
+        """A parameter of forms with one value a material: a constant, or a field of the cells."""
         if len(values) == 1:
             return fem.Constant(self.grid.mesh, np.array(values[0]))
         f = fem.Function(fenicsx.space(self.grid.mesh, "DQ", 0))
@@ -156,7 +162,7 @@ class CellMaterials:
                 for material, here in zip(self.materials, rows, strict=True)]
 
     def elastic_stress(self, cells: np.ndarray, strain: np.ndarray) -> np.ndarray:
-        """Stress rows (n, components), Pa, of ``cells`` (n,) after the strain (n, components) from rest."""
+        """Stress rows (n, components), Pa, of ``cells`` (n,) after a strain (n, components)."""
         if len(self.materials) == 1:
             return self.materials[0].update(strain, np.zeros_like(strain))
         found = np.zeros_like(strain)
@@ -171,14 +177,16 @@ class CellMaterials:
         near = x + INWARD * (x.mean(axis=1, keepdims=True) - x)
         held = np.zeros((len(self.materials), *x.shape[:2]), dtype=bool)
         for material, where in zip(materials, regions, strict=True):
-            held[self.materials.index(material)] |= _asked(where, near.reshape(-1, grid.dim)).reshape(x.shape[:2])
+            inside = _asked(where, near.reshape(-1, grid.dim)).reshape(x.shape[:2])
+            held[self.materials.index(material)] |= inside
         whole = held[self.number, np.arange(grid.cells)].all(axis=1)[: grid.owned_cells]
         cut = np.flatnonzero(~whole)
         first = anywhere(grid.comm, f"{x[cut[0]].mean(axis=0)}" if len(cut) else None)
         if first:
-            warnings.warn(f"material: the edges of regions cut {grid.comm.allreduce(len(cut))} cells, one with its "
-                          f"centre at x={first}; each is taken to be of the material at its centre: let grid lines "
-                          "follow the interface", UserWarning, stacklevel=4)
+            count = grid.comm.allreduce(len(cut))
+            warnings.warn(f"material: the edges of regions cut {count} cells, one with its centre "
+                          f"at x={first}; each is taken to be of the material at its centre: let "
+                          "grid lines follow the interface", UserWarning, stacklevel=4)
 
 
 def _is_material(value) -> bool:
@@ -195,7 +203,8 @@ def _named(value) -> str:
 
 
 def _is_region(entry) -> bool:
-    return isinstance(entry, (tuple, list)) and len(entry) == 2 and _is_material(entry[0]) and callable(entry[1])
+    pair = isinstance(entry, (tuple, list)) and len(entry) == 2
+    return pair and _is_material(entry[0]) and callable(entry[1])
 
 
 def _corners(grid: Grid) -> np.ndarray:
@@ -209,7 +218,7 @@ def _refuse(grid: Grid, message: str | None) -> None:
         raise ValueError(f"material: {message}")
 
 
-# -- regions ------------------------------------------------------------------------------------------------------
+# -- regions ---------------------------------------------------------------------------------------
 
 
 def _of_regions(grid: Grid, regions: Sequence[Callable]) -> np.ndarray:
@@ -238,7 +247,7 @@ def _asked(where: Callable, x: np.ndarray) -> np.ndarray:
     return answer.astype(bool)
 
 
-# -- bodies -------------------------------------------------------------------------------------------------------
+# -- bodies ----------------------------------------------------------------------------------------
 
 
 def _of_bodies(grid: Grid, bodies: Sequence[MaterialPoints]) -> np.ndarray:
@@ -253,13 +262,14 @@ def _of_bodies(grid: Grid, bodies: Sequence[MaterialPoints]) -> np.ndarray:
         shared = cell[np.isin(number[cell], others)]
         if len(shared) and message is None:
             c = shared[0]
-            message = f"cell {c} with its centre at x={centre[c]} holds points of bodies {number[c]} and {n}: finite " \
-                      "elements have no interface inside a cell; use a mesh whose lines follow the bodies"
+            message = f"cell {c} with its centre at x={centre[c]} holds points of bodies " \
+                      f"{number[c]} and {n}: finite elements have no interface inside a cell; " \
+                      "use a mesh whose lines follow the bodies"
         number[cell] = n
     empty = np.flatnonzero(number[: grid.owned_cells] < 0)
     if len(empty) and message is None:
-        message = f"cell {empty[0]} with its centre at x={centre[empty[0]]} holds no material points: finite " \
-                  "elements have no empty cells; use a mesh of the bodies"
+        message = f"cell {empty[0]} with its centre at x={centre[empty[0]]} holds no material " \
+                  "points: finite elements have no empty cells; use a mesh of the bodies"
     _refuse(grid, message)
     _check_filling(grid, bodies, cells, centre)
     return grid.share_cells(number)
@@ -270,8 +280,9 @@ def _in_motion(number: int, body: MaterialPoints) -> str | None:
     for name in ("stress", "velocity", "acceleration", "history"):
         value = getattr(body, name)
         if value is not None and np.any(value):
-            return f"{name} of body {number} is not zero, and finite elements start unstressed and at rest: give " \
-                   "points as fill makes them, set the nodal velocity run.motion.v, or go on from a run with start"
+            return f"{name} of body {number} is not zero, and finite elements start unstressed " \
+                   "and at rest: give points as fill makes them, set the nodal velocity " \
+                   "run.motion.v, or go on from a run with start"
     return None
 
 
@@ -282,8 +293,8 @@ def _check_filling(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence
     lacking, message = np.flatnonzero(np.abs(part - 1.0) > FULL), None
     if len(lacking):
         c = lacking[np.argmin(part[lacking])]
-        message = f"bodies fill {part[c]:.3g} of cell {c} with its centre at x={centre[c]}, and finite " \
-                  "elements all of it"
+        message = f"bodies fill {part[c]:.3g} of cell {c} with its centre at x={centre[c]}, and " \
+                  "finite elements all of it"
     if all(body.exposed is not None for body in bodies):
         _refuse(grid, message and f"{message}: use a mesh of the bodies")
     message = anywhere(grid.comm, message)
@@ -291,7 +302,8 @@ def _check_filling(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence
         warnings.warn(f"material: {message}", UserWarning, stacklevel=5)
 
 
-def _filled(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray]) -> np.ndarray:
+def _filled(grid: Grid, bodies: Sequence[MaterialPoints],
+            cells: Sequence[np.ndarray]) -> np.ndarray:
     """The part of each cell (cells,) that support domains fill, as they were before jitter."""
     volume = fem.Function(fenicsx.space(grid.mesh, "DQ", 0))
     dofs, neighbour = fenicsx.cell_dofs(volume.function_space)[:, 0], grid.lattice.neighbour
@@ -303,7 +315,8 @@ def _filled(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.nda
             for d, over in enumerate(corner):
                 weight = weight * stencil.share[:, d, over]
                 if over:
-                    beyond = np.where(weight > 0.0, neighbour[beyond, d, (stencil.side[:, d] + 1) // 2], 0)
+                    across = neighbour[beyond, d, (stencil.side[:, d] + 1) // 2]
+                    beyond = np.where(weight > 0.0, across, 0)
                     weight = np.where(beyond >= 0, weight, 0.0)
                     beyond = np.maximum(beyond, 0)
             np.add.at(volume.x.array, dofs[beyond], weight)

@@ -27,17 +27,18 @@ from .yielding import Yielding, YieldingElements
 class FiniteElements(Run):
     """Finite element run on the whole grid, bilinear (trilinear) elements, in the configuration at rest.
 
-    ``material``: one; or the bodies of a material point run, at rest, which must fill the grid's cells, each with
-    points of one material; or pairs (material, where), ``where`` mapping x (dim, n), m, to bool (n,) at the cells'
-    centres, on any mesh.  See ``CellMaterials``.
+    ``material``: one; or the bodies of a material point run, at rest, which must fill the grid's
+    cells, each with points of one material; or pairs (material, where), ``where`` mapping x
+    (dim, n), m, to bool (n,) at the cells' centres, on any mesh.  See ``CellMaterials``.
     At small strain the tangent does not change, so it is assembled and factored once; ``reassemble`` does it every
     step, as a material point run must, for a fair clock.  ``solver``: PETSc options.  ``b_bar``: volume changes by the
     cell's mean, which cures locking where ν comes near ½ or flow keeps the volume.
 
-    ``start``: the run whose state this one goes on from: displacement, stress and history, velocity and acceleration (a
-    quasi-static one is at rest), and what springs have accumulated on the same facets; springs on other facets start
-    unstressed, surface points carry theirs.  Time is 0 again: loads are asked from there on, and ``Fixed`` moves by
-    what its value changes from there on.  Raises ``ValueError`` naming what is wrong.
+    ``start``: the run whose state this one goes on from: displacement, stress and history, velocity
+    and acceleration (a quasi-static one is at rest), and what springs have accumulated on the same
+    facets; springs on other facets start unstressed, surface points carry theirs.  Time is 0 again:
+    loads are asked from there on, and ``Fixed`` moves by what its value changes from there on.
+    Raises ``ValueError`` naming what is wrong.
     """
 
     bodies = ()  # no material points
@@ -55,8 +56,8 @@ class FiniteElements(Run):
         numbers = [(law.density, *law.kinematics.lame(law)) for law in materials.materials]
         density, λ, μ = (materials.field(values) for values in zip(*numbers, strict=True))
         self._lame = λ, μ
-        scene = self.scene = Scene(grid, motion, density, motion.region.dx(metadata={"quadrature_degree": 3}),
-                                   at_rest=True)
+        dx = motion.region.dx(metadata={"quadrature_degree": 3})
+        scene = self.scene = Scene(grid, motion, density, dx, at_rest=True)
         internal = [elasticity(scene, scene.dx, λ, μ, self.displacement, b_bar)]
         internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]
@@ -107,9 +108,11 @@ class FiniteElements(Run):
     def _go_on_from(self, start: FiniteElements) -> None:
         if not isinstance(start, FiniteElements):
             raise ValueError(f"start must be a finite element run, got {type(start).__name__}")
-        if (start.grid, start.b_bar) != (self.grid, self.b_bar) or not self.materials.alike(start.materials):
-            raise ValueError("start must be a finite element run on the same grid, of the same material in every cell, "
-                             f"b_bar alike, got one of {start.material!r}, b_bar={start.b_bar}")
+        alike = (start.grid, start.b_bar) == (self.grid, self.b_bar)
+        if not alike or not self.materials.alike(start.materials):
+            raise ValueError("start must be a finite element run on the same grid, of the same "
+                             "material in every cell, b_bar alike, got one of "
+                             f"{start.material!r}, b_bar={start.b_bar}")
         fields = [(self.displacement, start.displacement)]
         if self.stepping.dynamic and start.stepping.dynamic:
             fields += [(self.motion.v, start.motion.v), (self.motion.a, start.motion.a)]
@@ -164,15 +167,17 @@ class FiniteElements(Run):
         return self.materials.elastic_stress(cells, strain)
 
     def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """What to show on nodes, displacement and velocity, and in cells, stress at their centres and,
-        where there are several materials, their numbers."""
+        """What to show on nodes, displacement and velocity, and in cells, stress at their centres
+        and, where there are several materials, their numbers."""
         motion, known = self.motion, {"displacement": self.displacement}
         if self.stepping.dynamic:
             known["velocity"] = motion.v
         nodal = {name: motion.nodal(field) for name, field in known.items()}
         cells = np.arange(self.grid.owned_cells)
-        of = {"material": self.materials.number[cells].astype(np.int32)} if len(self.materials.materials) > 1 else {}
-        return nodal, {"stress": self.stress(cells), **of}
+        shown = {"stress": self.stress(cells)}
+        if len(self.materials.materials) > 1:
+            shown["material"] = self.materials.number[cells].astype(np.int32)
+        return nodal, shown
 
     @cached_property
     def _energies(self) -> dict[str, object]:

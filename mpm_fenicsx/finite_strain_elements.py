@@ -17,8 +17,8 @@ from .yielding import energies
 class FiniteStrainElements(FiniteStrainAtGaussPoints):
     """The response of finite elements: ∫ P : ∇w over the mesh, which does not move.
 
-    Gauss points carry Cauchy's ``state`` (points, components), Pa, the deformation F and the materials' history.  Those
-    of small strain, of which the forms carry the response, keep F = 1.
+    Gauss points carry Cauchy's ``state`` (points, components), Pa, the deformation F and the
+    materials' history.  Those of small strain, of which the forms carry the response, keep F = 1.
     Raises ``ValueError`` for materials that yield at small strain.
     """
 
@@ -28,8 +28,8 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         self.parts = materials.parts(gauss.digit.shape[1])
         for part in self.parts:
             if part.material.history and not part.finite:
-                raise ValueError("material: one that yields at small strain cannot share a run with one of finite "
-                                 f"strain, got {part.material!r}")
+                raise ValueError("material: one that yields at small strain cannot share a run "
+                                 f"with one of finite strain, got {part.material!r}")
         self.state = np.zeros((len(gauss), tensors.components(dim)))
         self.deformation = np.tile(np.eye(dim), (len(gauss), 1, 1))
         self.history = np.zeros((len(gauss), max(len(law.history) for law in materials.materials)))
@@ -51,11 +51,14 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
 
     def _strained(self) -> tuple[np.ndarray, np.ndarray]:
         """``FINITE_STRAIN``'s state of all Gauss points."""
-        if len(self.parts) == 1:
-            return FINITE_STRAIN.state(self.parts[0].material, self._kirchhoff)
-        like = np.zeros_like(self.deformation), np.zeros(len(self.deformation))
-        return put_together(self.parts, lambda part: FINITE_STRAIN.state(part.material, self._kirchhoff[part.rows])
-                            if part.finite else tuple(a[part.rows] for a in like), like)
+        zero = np.zeros_like(self.deformation), np.zeros(len(self.deformation))
+
+        def state(part: MaterialRows) -> tuple[np.ndarray, np.ndarray]:
+            if not part.finite:
+                return tuple(a[part.rows] for a in zero)
+            return FINITE_STRAIN.state(part.material, self._kirchhoff[part.rows])
+
+        return put_together(self.parts, state, zero)
 
     def _step(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """F at the end of the step, and the gradient f - 1 of the step, f = F Fₙ⁻¹."""
@@ -66,9 +69,9 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         F, gradient = self._step(u)
         for part in self.parts:
             if part.finite:
-                states, at = (self._before, self._one, part.columns(self.history), part.size(self.size)), part.numbers
+                history, size, at = part.columns(self.history), part.size(self.size), part.numbers
                 self.stress.rows[part.rows], self.tangent.rows[part.rows] = self._response(
-                    part.material, states, gradient, F, at, at)
+                    part.material, (self._before, self._one, history, size), gradient, F, at, at)
         if self.motion.stepping.start:
             self.stress.rows += self._nominal
 
@@ -98,9 +101,11 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
             law, rows, size = part.material, part.rows, part.size(self.size)
             history = part.columns(self.history)[rows]
             if not part.finite:
-                return self.deformation[rows], *law.respond(tensors.strain(gradient[rows]), self.state[rows], history)
+                strain = tensors.strain(gradient[rows])
+                return self.deformation[rows], *law.respond(strain, self.state[rows], history)
+            size = None if size is None else size[rows]
             strain, *_ = FINITE_STRAIN.trial(self._before, gradient, part.numbers, part.numbers)
-            τ, history = law.respond(strain, np.zeros_like(strain), history, None if size is None else size[rows])
+            τ, history = law.respond(strain, np.zeros_like(strain), history, size)
             return F[rows], τ / np.linalg.det(F[rows])[:, None], history
 
         self.deformation, self.state, self.history = put_together(
@@ -109,5 +114,6 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
 
     def energy(self, cells: int) -> dict[str, float]:
         """Strain energy and plastic work (J) of the first ``cells`` cells."""
-        return energies(self.parts, cells * self.gauss.digit.shape[1], self.gauss.volume, self._kirchhoff,
-                        self.history, self.size)
+        points = cells * self.gauss.digit.shape[1]
+        return energies(self.parts, points, self.gauss.volume, self._kirchhoff, self.history,
+                        self.size)

@@ -84,10 +84,10 @@ class FacetPatch:
         return self._total is not None
 
     def take(self, others: Sequence) -> list:
-        """Take over what springs on the same facets have accumulated; returns those of ``others`` that had them.
+        """Take over what springs on the same facets have accumulated; returns which of ``others``.
 
-        Raises ``ValueError`` on all ranks where they are on a part of these facets only, or have not accumulated the
-        same.
+        Raises ``ValueError`` on all ranks where they are on a part of these facets only, or have
+        not accumulated the same.
         """
         mine = set(self._surface.tags)
         same = [p for p in others if isinstance(p, FacetPatch) and mine & set(p._surface.tags)]
@@ -97,8 +97,9 @@ class FacetPatch:
         whole = mine <= set().union(*(p._surface.tags for p in same))
         alike = all(np.array_equal(total, p._total.x.array) for p in same)
         if anywhere(self.grid.comm, None if whole and alike else "other"):
-            raise ValueError(f"start: on a part of the facets {self._surface.names} springs have accumulated another "
-                             "displacement than on the rest: give each part a term of its own")
+            raise ValueError(f"start: on a part of the facets {self._surface.names} springs have "
+                             "accumulated another displacement than on the rest: give each part a "
+                             "term of its own")
         self._total.x.array[:] = total
         return same
 
@@ -219,7 +220,7 @@ class PointPatch:
         return self.points.displacement is not None
 
     def take(self, others: Sequence) -> list:
-        """The points carry what their springs have accumulated; returns those of ``others`` that act on them too."""
+        """The points carry what springs have accumulated; returns which of ``others`` are here."""
         return [p for p in others if isinstance(p, PointPatch) and p.points is self.points]
 
     def __str__(self) -> str:

@@ -83,8 +83,8 @@ class Scene:
     def go_on_from(self, other: Scene) -> None:
         """Springs take over what those of another scene on the same surface have accumulated.
 
-        Raises ``ValueError`` where only a part of a surface had springs before; warns where springs of before are on
-        none of the surfaces that have springs now, and other surfaces are new.
+        Raises ``ValueError`` where only a part of a surface had springs before; warns where springs
+        of before are on none of the surfaces that have springs now, and other surfaces are new.
         """
         before = [p for p in other.patches.values() if p.has_springs]
         gone, new = list(before), []
@@ -94,9 +94,9 @@ class Scene:
                 gone = [q for q in gone if q not in same]
                 new += [] if same else [p]
         if gone and new:
-            warnings.warn(f"start: springs on {new[0]} start unstressed, and what those of the run before bear on "
-                          f"{gone[0]} is gone: give the same facets, or the same surface points, if they are the same "
-                          "springs", UserWarning, stacklevel=4)
+            warnings.warn(f"start: springs on {new[0]} start unstressed, and what those of the run "
+                          f"before bear on {gone[0]} is gone: give the same facets, or the same "
+                          "surface points, if they are the same springs", UserWarning, stacklevel=4)
 
     def carry(self) -> None:
         """After the step: surfaces move, springs remember."""

@@ -201,8 +201,10 @@ class YieldingPoints(YieldingAtGaussPoints):
 
 
 class YieldingElements(YieldingAtGaussPoints):
-    """The laws at the Gauss points of finite elements, which carry stress (points, components) and history, as many
-    columns as the law with the longest has."""
+    """The laws at the Gauss points of finite elements.
+
+    These carry stress (points, components), Pa, and history (points, columns of the longest).
+    """
 
     def __init__(self, motion: Motion, gauss: GaussPoints, materials: CellMaterials):
         super().__init__(motion, gauss)
@@ -219,16 +221,17 @@ class YieldingElements(YieldingAtGaussPoints):
 
     def _state(self, part: MaterialRows) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Stress, history and sizes of one material's Gauss points."""
-        size = part.size(self.size)
-        return self.state[part.rows], part.columns(self.history)[part.rows], None if size is None else size[part.rows]
+        rows, size = part.rows, part.size(self.size)
+        size = None if size is None else size[rows]
+        return self.state[rows], part.columns(self.history)[rows], size
 
     def _respond(self, u: np.ndarray) -> None:
         strain = self.gauss.strain(u)
         for part in self.parts:
             if not part.material.history:
                 continue
-            rows, stress, tangent = self._law(part.material, strain[part.rows], self._state(part), part.count,
-                                              part.count)
+            rows, stress, tangent = self._law(part.material, strain[part.rows], self._state(part),
+                                              part.count, part.count)
             if len(rows):
                 self.active = True
                 at = part.numbers[rows]
@@ -254,13 +257,16 @@ class YieldingElements(YieldingAtGaussPoints):
 
     def energy(self, cells: int) -> dict[str, float]:
         """Strain energy and plastic work (J) of the first ``cells`` cells."""
-        return energies(self.parts, cells * self.gauss.digit.shape[1], self.gauss.volume, self.state, self.history,
-                        self.size)
+        points = cells * self.gauss.digit.shape[1]
+        return energies(self.parts, points, self.gauss.volume, self.state, self.history, self.size)
 
 
-def energies(parts: Sequence[MaterialRows], points: int, volume: np.ndarray, stress: np.ndarray, history: np.ndarray,
-             size: np.ndarray | None) -> dict[str, float]:
-    """Strain energy and, where a law can yield, plastic work (J) of the first so many Gauss points, per ``volume``."""
+def energies(parts: Sequence[MaterialRows], points: int, volume: np.ndarray, stress: np.ndarray,
+             history: np.ndarray, size: np.ndarray | None) -> dict[str, float]:
+    """Strain energy and, where a law can yield, plastic work (J) of the first Gauss points.
+
+    ``volume`` (m³), ``stress`` (Pa), ``history`` and ``size`` (m, or None) are those of all.
+    """
     found = {"strain": 0.0}
     for part in parts:
         rows, law, d = part.first(points), part.material, part.size(size)
