@@ -32,7 +32,7 @@ class FacetPatch:
         if surface.grid is not scene.grid:
             raise ValueError(f"on: the facets {surface.names} belong to another grid")
         self.grid, self.motion = scene.grid, scene.motion
-        self.measure, self._surface = surface.measure, surface
+        self.measure, self.surface = surface.measure, surface
         self._refresh: list[Callable[[float, float], None]] = []
         self._total: fem.Function | None = None
 
@@ -89,22 +89,22 @@ class FacetPatch:
         Raises ``ValueError`` on all ranks where they are on a part of these facets only, or have
         not accumulated the same.
         """
-        mine = set(self._surface.tags)
-        same = [p for p in others if isinstance(p, FacetPatch) and mine & set(p._surface.tags)]
+        mine = set(self.surface.tags)
+        same = [p for p in others if isinstance(p, FacetPatch) and mine & set(p.surface.tags)]
         if not same:
             return same
         total = same[0]._total.x.array
-        whole = mine <= set().union(*(p._surface.tags for p in same))
+        whole = mine <= set().union(*(p.surface.tags for p in same))
         alike = all(np.array_equal(total, p._total.x.array) for p in same)
         if anywhere(self.grid.comm, None if whole and alike else "other"):
-            raise ValueError(f"start: on a part of the facets {self._surface.names} springs have "
+            raise ValueError(f"start: on a part of the facets {self.surface.names} springs have "
                              "accumulated another displacement than on the rest: give each part a "
                              "term of its own")
         self._total.x.array[:] = total
         return same
 
     def __str__(self) -> str:
-        return f"the facets {self._surface.names}"
+        return f"the facets {self.surface.names}"
 
     def prepare(self, start: float, end: float) -> None:
         """Bring coefficients to the step."""
