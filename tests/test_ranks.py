@@ -74,8 +74,7 @@ def test_the_finite_element_twin_is_the_same(several, serial, case):
     assert difference(several[case]["displacement"], serial[case]["displacement"]) < 1e-10
 
 
-@pytest.mark.parametrize("case", ["layers 2D small", "layers 3D small", "layers 2D finite",
-                                  "layers 3D finite"])
+@pytest.mark.parametrize("case", ["layers 2D", "layers 3D"])
 def test_layers_of_finite_elements_are_the_same(several, serial, case):
     for quantity, expected in serial[case].items():
         assert difference(several[case][quantity], expected) < 1e-9, quantity
