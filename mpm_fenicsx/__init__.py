@@ -23,8 +23,10 @@ from .time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .velocities import flip, trapezoidal
 
 __all__ = [
-    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "DM_GCL", "GIMP", "MAPPINGS", "MPM", "PAPER", "AccelerationCorrection",
-    "Checkpoint", "Contact", "DeadLoad", "Energy", "FiniteElements", "Fixed", "GeneralizedAlpha", "GhostPenalty",
-    "Gravity", "Grid", "Hencky", "InitialAcceleration", "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic", "RunError", "Simulation",
-    "Snapshots", "SurfacePoints", "Traction", "Viscoelastic", "Viscous", "VonMises", "flip", "trapezoidal",
+    "CMPM", "DM", "DM_C", "DM_G", "DM_GC", "DM_GCL", "GIMP", "MAPPINGS", "MPM", "PAPER",
+    "AccelerationCorrection", "Checkpoint", "Contact", "DeadLoad", "Energy", "FiniteElements",
+    "Fixed", "GeneralizedAlpha", "GhostPenalty", "Gravity", "Grid", "Hencky", "InitialAcceleration",
+    "LinearElastic", "Mapping", "MaterialPoints", "Newmark", "Newton", "Probe", "QuasiStatic",
+    "RunError", "Simulation", "Snapshots", "SurfacePoints", "Traction", "Viscoelastic", "Viscous",
+    "VonMises", "flip", "trapezoidal",
 ]

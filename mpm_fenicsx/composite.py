@@ -13,8 +13,8 @@ class Composite:
 
     The derivative along a direction is that of the Lagrange polynomial through the nodes of the cell and of those
     neighbours along it that hold points of the same material, at the cell's rows of nodes; between the rows it is
-    linear.  Strain jumps where two materials meet, and a polynomial through cells of both is wrong by construction.  With
-    polynomials across as well (a tensor product) a free body gains energy, and is less accurate: see
+    linear.  Strain jumps where two materials meet, and a polynomial through cells of both is wrong by construction.
+    With polynomials across as well (a tensor product) a free body gains energy, and is less accurate: see
     studies/composite_across.py.  Coefficients belong to the cell and are refreshed only where the patch has changed.
     """
 

@@ -1,4 +1,4 @@
-"""The twin: a finite element run of the same terms, material and stepping, with the same forms."""
+"""The twin: a finite element run of the same terms, materials and stepping, with the same forms."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from ufl import inner
 
 from . import fenicsx, kernels, tensors
 from .b_bar_checks import warn_of_laws
+from .cell_materials import CellMaterials
 from .checks import an_object
 from .equilibrium import Equilibrium
 from .finite_strain_elements import FiniteStrainElements
@@ -18,7 +19,6 @@ from .gauss import GaussPoints
 from .grid import Grid
 from .identity import described
 from .inside import in_mesh
-from .kinematics import FINITE_STRAIN
 from .law_checks import check_law
 from .motion import Motion
 from .newton import Newton
@@ -35,11 +35,19 @@ from .yielding import Yielding, YieldingElements
 class FiniteElements(Run):
     """Finite element run on the whole grid, bilinear (trilinear) elements, in the configuration at rest.
 
+    ``material``: one; or the bodies of a material point run, at rest, which must fill the grid's
+    cells, each with points of one material; or pairs (material, where), ``where`` mapping x
+    (dim, n), m, to bool (n,) at the cells' centres, on any mesh.  See ``CellMaterials``.
     At small strain the tangent does not change, so it is assembled and factored once; ``reassemble`` does it every
     step, as a material point run must, for a fair clock.  ``solver``: PETSc options.  ``b_bar``: volume changes by the
-    cell's mean, which cures locking where ν comes near ½ or flow keeps the volume.  ``start``: the run whose state
-    this one goes on from, at time 0 again; a quasi-static one is at rest.  ``initial_acceleration``: that of the
-    balance of forces at the start, unless nodes have one, or zero.
+    cell's mean, which cures locking where ν comes near ½ or flow keeps the volume.
+    ``initial_acceleration``: that of the balance of forces at the start, unless nodes have one, or zero.
+
+    ``start``: the run whose state this one goes on from: displacement, stress and history, velocity
+    and acceleration (a quasi-static one is at rest), and what springs have accumulated on the same
+    facets; springs on other facets start unstressed, surface points carry theirs.  Time is 0 again:
+    loads are asked from there on, and ``Fixed`` moves by what its value changes from there on.
+    Raises ``ValueError`` naming what is wrong.
     """
 
     bodies = ()  # no material points
@@ -51,16 +59,19 @@ class FiniteElements(Run):
                  initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED):
         super().__init__("FE", grid, stepping, terms)
         check_options(newton, solver, reassemble=reassemble, b_bar=b_bar)
-        check_law(material, grid.dim, "update")
-        self.material, self.b_bar = material, b_bar
+        materials = self.materials = CellMaterials.of(grid, material)
+        for law in materials.materials:
+            check_law(law, grid.dim, "update")
+        self.material, self.b_bar = materials.one, b_bar
         self.initial_acceleration = initial_acceleration
-        self.reassemble = reassemble or material.kinematics is FINITE_STRAIN
+        self.reassemble = reassemble or materials.finite
         motion = self.motion = Motion(grid, stepping)
         self.displacement = fem.Function(grid.space, name="displacement")
-        numbers = material.density, *material.kinematics.lame(material)
-        density, λ, μ = (fem.Constant(grid.mesh, np.array(v)) for v in numbers)
+        numbers = [(law.density, *law.kinematics.lame(law)) for law in materials.materials]
+        density, λ, μ = (materials.field(values) for values in zip(*numbers, strict=True))
         self._lame = λ, μ
-        scene = self.scene = Scene(grid, motion, density, motion.region.dx(metadata={"quadrature_degree": 3}))
+        dx = motion.region.dx(metadata={"quadrature_degree": 3})
+        scene = self.scene = Scene(grid, motion, density, dx, at_rest=True)
         internal = [elasticity(scene, scene.dx, λ, μ, self.displacement, b_bar)]
         internal += [inertia(scene)] if stepping.dynamic else []
         self.contributions = internal + [term.bind(scene) for term in self.terms]
@@ -70,21 +81,21 @@ class FiniteElements(Run):
             solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": direct,
                       **(solver or {})}
         if b_bar:
-            warn_of_laws([material])
+            warn_of_laws(materials.materials)
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
         if start is not None:
             self._go_on_from(start)
 
     def _can_yield(self) -> Yielding | None:
-        """What yielding or finite strain adds to the step, where the material is of that kind."""
-        if self.material.kinematics is FINITE_STRAIN:
+        """What yielding or finite strain adds to the step, where a material is of that kind."""
+        if self.materials.finite:
             if self.b_bar:
                 raise ValueError(f"b_bar is for small strain only, got {self.material!r}")
-            return FiniteStrainElements(self.motion, GaussPoints(self.grid), self.material)
-        if not self.material.history:
+            return FiniteStrainElements(self.motion, GaussPoints(self.grid), self.materials)
+        if not any(law.history for law in self.materials.materials):
             return None
-        return YieldingElements(self.motion, GaussPoints(self.grid, self.b_bar), self.material)
+        return YieldingElements(self.motion, GaussPoints(self.grid, self.b_bar), self.materials)
 
     def begin(self) -> None:
         """Before the first step: the acceleration of the balance of forces, unless one is given."""
@@ -126,8 +137,11 @@ class FiniteElements(Run):
 
     def _go_on_from(self, start: FiniteElements) -> None:
         an_object("start", start, FiniteElements, "a finite element run")
-        if (start.grid, start.material, start.b_bar) != (self.grid, self.material, self.b_bar):
-            raise ValueError("start must be a finite element run on the same grid, of the same material, b_bar alike")
+        alike = (start.grid, start.b_bar) == (self.grid, self.b_bar)
+        if not alike or not self.materials.alike(start.materials):
+            raise ValueError("start must be a finite element run on the same grid, of the same "
+                             "material in every cell, b_bar alike, got one of "
+                             f"{start.material!r}, b_bar={start.b_bar}")
         fields = [(self.displacement, start.displacement)]
         if self.stepping.dynamic and start.stepping.dynamic:
             fields += [(self.motion.v, start.motion.v), (self.motion.a, start.motion.a)]
@@ -135,6 +149,7 @@ class FiniteElements(Run):
             f.x.array[:] = before.x.array
         if self.yielding is not None:
             self.yielding.take(start.yielding)
+        self.scene.go_on_from(start.scene)
 
     def state(self) -> dict[str, np.ndarray]:
         """What the next step depends on: displacement and motion, springs, stress and history; not copied."""
@@ -183,15 +198,20 @@ class FiniteElements(Run):
         u = self.motion.nodal(self.displacement)[fenicsx.cell_dofs(grid.space)[cells]]
         gradient = np.einsum("cki,kj->cij", u, slope) @ np.linalg.inv(np.einsum("cki,kj->cij", x, slope))
         strain = tensors.strain(gradient)
-        return self.material.update(strain, np.zeros_like(strain))
+        return self.materials.elastic_stress(cells, strain)
 
     def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """What to show on nodes, displacement and velocity, and in cells, stress at their centres."""
+        """What to show on nodes, displacement and velocity, and in cells, stress at their centres
+        and, where there are several materials, their numbers."""
         motion, known = self.motion, {"displacement": self.displacement}
         if self.stepping.dynamic:
             known["velocity"] = motion.v
         nodal = {name: motion.nodal(field) for name, field in known.items()}
-        return nodal, {"stress": self.stress(np.arange(self.grid.owned_cells))}
+        cells = np.arange(self.grid.owned_cells)
+        shown = {"stress": self.stress(cells)}
+        if len(self.materials.materials) > 1:
+            shown["material"] = self.materials.number[cells].astype(np.int32)
+        return nodal, shown
 
     @cached_property
     def _energies(self) -> dict[str, object]:

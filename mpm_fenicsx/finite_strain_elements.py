@@ -5,40 +5,65 @@ from __future__ import annotations
 import numpy as np
 
 from . import fenicsx, tensors
+from .cell_materials import CellMaterials, MaterialRows, put_together
 from .finite_strain import FiniteStrainAtGaussPoints
 from .gauss import GaussPoints
 from .kinematics import FINITE_STRAIN
 from .motion import Motion
 from .partition import anywhere, together
+from .yielding import energies
 
 
 class FiniteStrainElements(FiniteStrainAtGaussPoints):
     """The response of finite elements: ∫ P : ∇w over the mesh, which does not move.
 
-    Gauss points carry Cauchy's ``state`` (points, components), Pa, the deformation F and the material's history.
+    Gauss points carry Cauchy's ``state`` (points, components), Pa, the deformation F and the
+    materials' history.  Those of small strain, of which the forms carry the response, keep F = 1.
+    Raises ``ValueError`` for materials that yield at small strain.
     """
 
-    def __init__(self, motion: Motion, gauss: GaussPoints, material):
+    def __init__(self, motion: Motion, gauss: GaussPoints, materials: CellMaterials):
         super().__init__(motion, gauss)
-        self.material, dim = material, motion.grid.dim
+        dim = motion.grid.dim
+        self.parts = materials.parts(gauss.digit.shape[1])
+        for part in self.parts:
+            if part.material.history and not part.finite:
+                raise ValueError("material: one that yields at small strain cannot share a run "
+                                 f"with one of finite strain, got {part.material!r}")
         self.state = np.zeros((len(gauss), tensors.components(dim)))
         self.deformation = np.tile(np.eye(dim), (len(gauss), 1, 1))
-        self.history = np.zeros((len(gauss), len(material.history)))
-        self.size = gauss.size if material.length else None
-        with together(motion.grid.comm):  # what the law refuses it refuses here, on all ranks
-            material.respond(np.zeros_like(self.state), self.state, self.history, self.size)
-        self._all = np.arange(len(gauss), dtype=np.int32)
+        self.history = np.zeros((len(gauss), max(len(law.history) for law in materials.materials)))
+        self.size = gauss.size if any(law.length for law in materials.materials) else None
+        with together(motion.grid.comm):  # what a law refuses it refuses here, on all ranks
+            for part in self.parts:
+                part.material.respond(*(a[part.rows] for a in (np.zeros_like(self.state), self.state)),
+                                      part.columns(self.history)[part.rows],
+                                      None if part.size(self.size) is None else self.size[part.rows])
         self._one = np.ones(len(gauss))
         self.derive()
 
     def derive(self) -> None:
         """Refresh what follows from the state."""
         self._kirchhoff = np.linalg.det(self.deformation)[:, None] * self.state
-        self._before = FINITE_STRAIN.state(self.material, self._kirchhoff)
+        self._before = self._strained()
         if self.motion.stepping.start:
             τ, dim = tensors.matrix(self._kirchhoff, self.motion.grid.dim), self.motion.grid.dim
             P = τ @ np.linalg.inv(self.deformation).transpose(0, 2, 1)
             self._nominal = self.motion.stepping.start * P.reshape(len(P), dim * dim)
+            for part in self.parts:
+                if not part.finite:
+                    self._nominal[part.rows] = 0.0
+
+    def _strained(self) -> tuple[np.ndarray, np.ndarray]:
+        """``FINITE_STRAIN``'s state of all Gauss points."""
+        zero = np.zeros_like(self.deformation), np.zeros(len(self.deformation))
+
+        def state(part: MaterialRows) -> tuple[np.ndarray, np.ndarray]:
+            if not part.finite:
+                return tuple(a[part.rows] for a in zero)
+            return FINITE_STRAIN.state(part.material, self._kirchhoff[part.rows])
+
+        return put_together(self.parts, state, zero)
 
     def _step(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """F at the end of the step, and the gradient f - 1 of the step, f = F Fₙ⁻¹."""
@@ -47,9 +72,11 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
 
     def _respond(self, u: np.ndarray) -> None:
         F, gradient = self._step(u)
-        states = self._before, self._one, self.history, self.size
-        rows = self._all
-        self.stress.rows[:], self.tangent.rows[:] = self._response(self.material, states, gradient, F, rows, rows)
+        for part in self.parts:
+            if part.finite:
+                history, size, at = part.columns(self.history), part.size(self.size), part.numbers
+                self.stress.rows[part.rows], self.tangent.rows[part.rows] = self._response(
+                    part.material, (self._before, self._one, history, size), gradient, F, at, at)
         if self.motion.stepping.start:
             self.stress.rows += self._nominal
 
@@ -74,16 +101,24 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
     def carry(self) -> None:
         """State at the end of the step."""
         F, gradient = self._step(self.motion.nodal(self.motion.u))
-        strain, *_ = FINITE_STRAIN.trial(self._before, gradient, self._all, self._all)
-        τ, self.history = self.material.respond(strain, np.zeros_like(strain), self.history, self.size)
-        self.deformation, self.state = F, τ / np.linalg.det(F)[:, None]
+
+        def respond(part: MaterialRows) -> tuple[np.ndarray, ...]:
+            law, rows, size = part.material, part.rows, part.size(self.size)
+            history = part.columns(self.history)[rows]
+            if not part.finite:
+                strain = tensors.strain(gradient[rows])
+                return self.deformation[rows], *law.respond(strain, self.state[rows], history)
+            size = None if size is None else size[rows]
+            strain, *_ = FINITE_STRAIN.trial(self._before, gradient, part.numbers, part.numbers)
+            τ, history = law.respond(strain, np.zeros_like(strain), history, size)
+            return F[rows], τ / np.linalg.det(F[rows])[:, None], history
+
+        self.deformation, self.state, self.history = put_together(
+            self.parts, respond, (self.deformation, self.state, self.history))
         self.derive()
 
     def energy(self, cells: int) -> dict[str, float]:
         """Strain energy and plastic work (J) of the first ``cells`` cells."""
-        count = cells * self.gauss.digit.shape[1]
-        volume, size = self.gauss.volume[:count], None if self.size is None else self.size[:count]
-        found = {"strain": float(volume @ self.material.energy(self._kirchhoff[:count]))}
-        if self.material.history:
-            found["plastic"] = float(volume @ self.material.plastic_work(self.history[:count], size))
-        return found
+        points = cells * self.gauss.digit.shape[1]
+        return energies(self.parts, points, self.gauss.volume, self._kirchhoff, self.history,
+                        self.size)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import singledispatch
 
 import numpy as np
@@ -32,7 +32,7 @@ class FacetPatch:
         if surface.grid is not scene.grid:
             raise ValueError(f"on: the facets {surface.names} belong to another grid")
         self.grid, self.motion = scene.grid, scene.motion
-        self.measure = surface.measure
+        self.measure, self.surface = surface.measure, surface
         self._refresh: list[Callable[[float, float], None]] = []
         self._total: fem.Function | None = None
 
@@ -78,6 +78,34 @@ class FacetPatch:
             self._before = fem.Function(self.grid.space)
         return self.tensor(along, across) * self._before
 
+    @property
+    def has_springs(self) -> bool:
+        """Whether springs act on it."""
+        return self._total is not None
+
+    def take(self, others: Sequence) -> list:
+        """Take over what springs on the same facets have accumulated; returns which of ``others``.
+
+        Raises ``ValueError`` on all ranks where they are on a part of these facets only, or have
+        not accumulated the same.
+        """
+        mine = set(self.surface.tags)
+        same = [p for p in others if isinstance(p, FacetPatch) and mine & set(p.surface.tags)]
+        if not same:
+            return same
+        total = same[0]._total.x.array
+        whole = mine <= set().union(*(p.surface.tags for p in same))
+        alike = all(np.array_equal(total, p._total.x.array) for p in same)
+        if anywhere(self.grid.comm, None if whole and alike else "other"):
+            raise ValueError(f"start: on a part of the facets {self.surface.names} springs have "
+                             "accumulated another displacement than on the rest: give each part a "
+                             "term of its own")
+        self._total.x.array[:] = total
+        return same
+
+    def __str__(self) -> str:
+        return f"the facets {self.surface.names}"
+
     def prepare(self, start: float, end: float) -> None:
         """Bring coefficients to the step."""
         if self._total is not None:
@@ -108,6 +136,7 @@ class PointPatch:
         if not scene.grid.comm.allreduce(len(points)):
             raise ValueError("on: the surface has no points")
         self.grid, self.motion, self.points = scene.grid, scene.motion, points
+        self._at_rest = scene.at_rest
         self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
         self.faces = Faces(self.grid, points)
         if self.grid.comm.size > 1:
@@ -211,6 +240,18 @@ class PointPatch:
 
         return ufl.as_vector(self._field(self.grid.dim, values))
 
+    @property
+    def has_springs(self) -> bool:
+        """Whether springs act on it."""
+        return self.points.displacement is not None
+
+    def take(self, others: Sequence) -> list:
+        """The points carry what springs have accumulated; returns which of ``others`` are here."""
+        return [p for p in others if isinstance(p, PointPatch) and p.points is self.points]
+
+    def __str__(self) -> str:
+        return f"{len(self.points)} surface points"
+
     def locate(self) -> None:
         """Find the points, and cut their faces where grid lines cross them."""
         self.grid.walk(self._inward(), self._cell)
@@ -230,8 +271,12 @@ class PointPatch:
         cells[self.faces.stencil.cell] = 1
 
     def carry(self) -> None:
-        """Move with the grid's displacement."""
+        """Move with the grid's displacement; at rest springs remember it, and points stay."""
         u = self.motion.nodal(self.motion.u)
+        if self._at_rest:
+            if self.has_springs:
+                self.points.displacement += self.stencil.at_points(u)
+            return
         self.points.follow(self.stencil.at_points(u), self.stencil.gradient_at_points(u))
 
     def state(self) -> dict[str, np.ndarray]:

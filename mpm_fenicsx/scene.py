@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -33,6 +34,7 @@ class Scene:
     ``density`` is the field or constant ρ (kg/m³); ``dx`` integrates what it weighs; ``lame`` are the fields λ and μ
     (Pa) of material points, which like ``density`` are less where a cell is partly filled.  ``body_force`` makes ρb
     (N/m³) of a body force per mass that varies in space, and what refreshes it: at nodes, where it is not given.
+    ``at_rest``: integrals are taken in the configuration at rest, where surface points stay.
     """
 
     grid: Grid
@@ -41,6 +43,7 @@ class Scene:
     dx: ufl.Measure
     lame: tuple = ()
     body_force: Callable | None = None
+    at_rest: bool = False
     fixed: list = field(default_factory=list)
     prescribed: list[Prescribed] = field(default_factory=list)
     before: list[Callable[[float, float], None]] = field(default_factory=list)
@@ -82,6 +85,24 @@ class Scene:
         """Mark the cells that hold surface points."""
         for p in self.patches.values():
             p.mark(cells)
+
+    def go_on_from(self, other: Scene) -> None:
+        """Springs take over what those of another scene on the same surface have accumulated.
+
+        Raises ``ValueError`` where only a part of a surface had springs before; warns where springs
+        of before are on none of the surfaces that have springs now, and other surfaces are new.
+        """
+        before = [p for p in other.patches.values() if p.has_springs]
+        gone, new = list(before), []
+        for p in self.patches.values():
+            if p.has_springs:
+                same = p.take(before)
+                gone = [q for q in gone if q not in same]
+                new += [] if same else [p]
+        if gone and new:
+            warnings.warn(f"start: springs on {new[0]} start unstressed, and what those of the run "
+                          f"before bear on {gone[0]} is gone: give the same facets, or the same "
+                          "surface points, if they are the same springs", UserWarning, stacklevel=4)
 
     def carry(self) -> None:
         """After the step: surfaces move, springs remember, records go on."""

@@ -16,6 +16,7 @@ import numpy as np
 import ufl
 
 from . import forms, tensors
+from .cell_materials import CellMaterials, MaterialRows, put_together
 from .gauss import GaussField, GaussPoints, measure
 from .kernels import digits, jit
 from .motion import Motion
@@ -201,17 +202,21 @@ class YieldingPoints(YieldingAtGaussPoints):
 
 
 class YieldingElements(YieldingAtGaussPoints):
-    """The law at the Gauss points of finite elements, which carry stress (points, components) and history."""
+    """The laws at the Gauss points of finite elements.
 
-    def __init__(self, motion: Motion, gauss: GaussPoints, material):
+    These carry stress (points, components), Pa, and history (points, columns of the longest).
+    """
+
+    def __init__(self, motion: Motion, gauss: GaussPoints, materials: CellMaterials):
         super().__init__(motion, gauss)
-        self.material = material
+        self.parts = materials.parts(gauss.digit.shape[1])
         self.state = np.zeros((len(gauss), tensors.components(motion.grid.dim)))
-        self.history = np.zeros((len(gauss), len(material.history)))
-        self.size = gauss.size if material.length else None
-        with together(motion.grid.comm):  # what the law refuses it refuses here, on all ranks
-            material.respond(np.zeros_like(self.state), self.state, self.history, self.size)
-        self._all = np.arange(len(gauss), dtype=np.int32)
+        self.history = np.zeros((len(gauss), max(len(law.history) for law in materials.materials)))
+        self.size = gauss.size if any(law.length for law in materials.materials) else None
+        with together(motion.grid.comm):  # what a law refuses it refuses here, on all ranks
+            for part in self.parts:
+                stress, history, size = self._state(part)
+                part.material.respond(np.zeros_like(stress), stress, history, size)
         self._elastic = np.zeros_like(self.state)  # what the strain so far would give without yielding
 
     def clear(self) -> None:
@@ -219,14 +224,24 @@ class YieldingElements(YieldingAtGaussPoints):
         super().clear()
         self.stress.rows[:] = (1.0 + self.motion.stepping.start) * (self.state - self._elastic)[:, self._plane]
 
+    def _state(self, part: MaterialRows) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Stress, history and sizes of one material's Gauss points."""
+        rows, size = part.rows, part.size(self.size)
+        size = None if size is None else size[rows]
+        return self.state[rows], part.columns(self.history)[rows], size
+
     def _respond(self, u: np.ndarray) -> None:
         strain = self.gauss.strain(u)
-        state = self.state, self.history, self.size
-        rows, stress, tangent = self._law(self.material, strain, state, self._all, self._all)
-        if len(rows):
-            self.active = True
-            self.stress.rows[rows] += stress[:, self._plane]
-            self.tangent.rows[rows] += tangent
+        for part in self.parts:
+            if not part.material.history:
+                continue
+            rows, stress, tangent = self._law(part.material, strain[part.rows], self._state(part),
+                                              part.count, part.count)
+            if len(rows):
+                self.active = True
+                at = part.numbers[rows]
+                self.stress.rows[at] += stress[:, self._plane]
+                self.tangent.rows[at] += tangent
 
     def memory(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
@@ -235,12 +250,33 @@ class YieldingElements(YieldingAtGaussPoints):
     def carry(self) -> None:
         """State at the end of the step."""
         strain = self.gauss.strain(self.motion.nodal(self.motion.u))
-        self._elastic = self.material.elastic.update(strain, self._elastic)
-        self.state, self.history = self.material.respond(strain, self.state, self.history, self.size)
+
+        def respond(part: MaterialRows) -> tuple[np.ndarray, ...]:
+            law, mine = part.material, strain[part.rows]
+            stress, history, size = self._state(part)
+            elastic = getattr(law, "elastic", law).update(mine, self._elastic[part.rows])
+            return elastic, *law.respond(mine, stress, history, size)
+
+        self._elastic, self.state, self.history = put_together(
+            self.parts, respond, (self._elastic, self.state, self.history))
 
     def energy(self, cells: int) -> dict[str, float]:
         """Strain energy and plastic work (J) of the first ``cells`` cells."""
-        count = cells * self.gauss.digit.shape[1]
-        volume, size = self.gauss.volume[:count], None if self.size is None else self.size[:count]
-        return {"strain": float(volume @ self.material.energy(self.state[:count])),
-                "plastic": float(volume @ self.material.plastic_work(self.history[:count], size))}
+        points = cells * self.gauss.digit.shape[1]
+        return energies(self.parts, points, self.gauss.volume, self.state, self.history, self.size)
+
+
+def energies(parts: Sequence[MaterialRows], points: int, volume: np.ndarray, stress: np.ndarray,
+             history: np.ndarray, size: np.ndarray | None) -> dict[str, float]:
+    """Strain energy and, where a law can yield, plastic work (J) of the first Gauss points.
+
+    ``volume`` (m³), ``stress`` (Pa), ``history`` and ``size`` (m, or None) are those of all.
+    """
+    found = {"strain": 0.0}
+    for part in parts:
+        rows, law, d = part.first(points), part.material, part.size(size)
+        found["strain"] += float(volume[rows] @ law.energy(stress[rows]))
+        if law.history:
+            work = law.plastic_work(part.columns(history)[rows], None if d is None else d[rows])
+            found["plastic"] = found.get("plastic", 0.0) + float(volume[rows] @ work)
+    return found

@@ -283,6 +283,35 @@ def twin(dim: int, stepping, b_bar: bool = False, grid: Grid | None = None, mate
     return {"displacement": nodal(grid, run.motion.nodal(run.displacement))}
 
 
+def layers(dim: int, finite: bool) -> dict:
+    """Finite elements of three materials, two of which yield, on springs that a second run has."""
+    grid = grid_of(dim)
+    elastic = Hencky(20e6, 0.25, 1500.0) if finite else LinearElastic(20e6, 0.25, 1500.0)
+    scaled = VonMises(elastic, 12e3, 6e3, 40e3, length=0.5)
+    parts = ((VonMises(elastic, 10e3, 4e3, 50e3), lambda x: x[0] < 0.8),
+             (SOIL, lambda x: (x[0] > 0.8) & (x[0] < 1.5)), (scaled, lambda x: x[0] > 1.5))
+    bodies = [MaterialPoints.fill(grid, law, 2**dim, inside) for law, inside in parts]
+    pull = np.array([15e3, 9e3, 9e3])[:dim]
+    terms = [Viscoelastic(grid.facets("bottom"), SOIL, 3.0), Gravity((0.0,) * (dim - 1) + (-9.81,)),
+             Traction(grid.facets("left", "right"), pull)]
+    start = None
+    for _ in range(2):
+        run = FiniteElements(grid, bodies, Newmark(0.02), terms, newton=Newton(tolerance=1e-11),
+                             start=start)
+        energy = run.record(Energy())
+        run.step()
+        run.step()
+        start = run
+    centre = 0.5 * (grid.lattice.lower + grid.lattice.upper)
+    own = range(grid.owned_cells)
+    stress, κ = run.stress(np.arange(grid.cells)), run.yielding.history.reshape(grid.cells, -1)
+    assert grid.comm.allreduce(float(κ.max())) > 1e-5
+    return {"displacement": nodal(grid, run.motion.nodal(run.displacement)),
+            "stress": {key(centre[c]): stress[c].tolist() for c in own},
+            "history": {key(centre[c]): sorted(κ[c].tolist()) for c in own},
+            "energy": {"": energy.values[-1].tolist()}}
+
+
 def refusals(comm: MPI.Comm) -> dict:
     """Every rank hears of what is wrong on one."""
     out = {}
@@ -296,6 +325,13 @@ def refusals(comm: MPI.Comm) -> dict:
     except ValueError as error:
         heard = int("outside the grid" in str(error))
     out["outside"] = {"": [comm.allreduce(heard) / comm.size]}
+    try:
+        body = MaterialPoints.fill(grid, SOIL, 4, lambda x: x[0] > 0.3)
+        FiniteElements(grid, body, Newmark(1e-4), [])
+        heard = 0
+    except ValueError as error:
+        heard = int("holds no material points" in str(error))
+    out["empty"] = {"": [comm.allreduce(heard) / comm.size]}
     body, _ = body_of(grid)
     run = Simulation(grid, body, Newmark(1e-4), [])
     run.step()
@@ -383,6 +419,7 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
         cases[f"moving {dim}D B-bar"] = moving(dim, DM_GC, b_bar=True)
         cases[f"moving {dim}D GhostPenalty"] = moving(dim, DM_GC, more=(GhostPenalty(),))
         cases[f"static twin {dim}D B-bar"] = twin(dim, QuasiStatic(3), b_bar=True)
+        cases[f"layers {dim}D"] = layers(dim, finite=dim == 2)
         cases[f"twin {dim}D"] = twin(dim, Newmark(1e-3))
         cases[f"static twin {dim}D"] = twin(dim, QuasiStatic(3))
     whole: dict = {}

@@ -25,6 +25,7 @@ FLOORS = {
     "part": 2, "solver": 2, "update": 2, "entry": 2,
     "properties": 2, "kept": 2, "internal_force": 2, "patches": 2, "faces": 2, "finite_strain": 2,
     "finite_strain_elements": 2,
+    "cell_materials": 2,
     "touching": 2, "gaps": 2, "impact": 2,
     "statics": 3, "contact": 3, "run": 3, "simulation": 3, "finite_elements": 3,
     "recorders": 4,

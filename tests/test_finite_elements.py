@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from mpm_fenicsx import (
+    Energy,
     FiniteElements,
     Fixed,
     Gravity,
@@ -13,6 +14,7 @@ from mpm_fenicsx import (
     MaterialPoints,
     Newmark,
     QuasiStatic,
+    Simulation,
     Traction,
     Viscoelastic,
     Viscous,
@@ -122,12 +124,119 @@ def test_a_viscous_base_takes_a_plane_wave_whole():
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
+    """They stay where they are at rest, as the elements do: outside the grid there is nothing."""
     found = []
     for points in (False, True):
         grid = dense.uneven(dim)
         on = MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("top") if points else grid.facets("top")
-        run = FiniteElements(grid, dense.SOIL, Newmark(1e-4), [Fixed(grid.facets("bottom")),
-                                                               Traction(on, (1.0,) * dim), Viscous(on, dense.SOFT)])
-        run.step()
+        run = FiniteElements(grid, dense.SOIL, Newmark(1e-3), [
+            Fixed(grid.facets("bottom")), Traction(on, (1e6,) * dim), Viscous(on, dense.SOFT)])
+        run.until(0.01)
+        assert run.motion.nodal(run.displacement)[:, 1].max() > 0.01
         found.append(run.displacement.x.array)
     np.testing.assert_allclose(found[1], found[0], atol=1e-11 * np.abs(found[0]).max())
+
+
+# -- going on from another run ---------------------------------------------------------------------
+
+
+SPRINGY = LinearElastic(young=20e6, poisson=0.25, density=1500.0)  # r = 20 m: 2G/r = 8e5 Pa/m
+
+
+def on_springs(grid, *parts, load=500.0):
+    """A column between smooth walls on springs on ``parts``, under a load that stays."""
+    up, top = grid.dim - 1, grid.facets("top" if grid.dim == 2 else "front")
+    walls = [Fixed(grid.facets("left", "right"), "x")]
+    walls += [Fixed(grid.facets("bottom", "top"), "y")] if up == 2 else []
+    return [*walls, Traction(top, -load * np.eye(grid.dim)[up]),
+            *(Viscoelastic(part, SPRINGY, 20.0) for part in parts)]
+
+
+@pytest.mark.parametrize("surface", ["facets", "points"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_springs_go_on_with_what_they_bear(dim, surface):
+    """Two halves are the whole, bit for bit; at rest u = p r/2G at the base, now and after."""
+    grid = dense.uneven(dim)
+    base = "bottom" if dim == 2 else "back"
+    fresh = (lambda: grid.facets(base)) if surface == "facets" else \
+        (lambda: MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface(base))
+    whole = FiniteElements(grid, SPRINGY, Newmark(0.1), on_springs(grid, fresh()))
+    whole.until(2.0)
+    on = fresh()
+    first = FiniteElements(grid, SPRINGY, Newmark(0.1), on_springs(grid, on))
+    first.until(1.0)
+    again = on if surface == "points" else fresh()
+    second = FiniteElements(grid, SPRINGY, Newmark(0.1), on_springs(grid, again), start=first)
+    second.until(1.0)
+    for name, value in whole.state().items():
+        assert np.array_equal(second.state()[name], value), name
+    whole.until(60.0)
+    u = whole.motion.nodal(whole.displacement)[:, -1]
+    sunk = -500.0 * 20.0 / (2 * SPRINGY.lame[1])  # -6.25e-4 m; without memory it sinks twice
+    assert u.max() == pytest.approx(sunk, rel=1e-4)  # it still trembles by 1e-5
+    again = whole.terms[-1].on if surface == "points" else fresh()
+    rest = FiniteElements(grid, SPRINGY, Newmark(0.1), on_springs(grid, again), start=whole)
+    energy = rest.record(Energy())
+    rest.until(20.0)
+    now = rest.motion.nodal(rest.displacement)[:, -1]
+    np.testing.assert_allclose(now, u, atol=1e-4 * abs(sunk))
+    assert np.abs(energy.lost).max() < 1e-9 * 500.0 * abs(sunk)
+
+
+def test_springs_keep_what_they_bear_however_their_facets_are_named():
+    """Two surfaces become one and one becomes two; a part that had none before cannot be told."""
+    grid = dense.uneven(2)
+    left, right, both = grid.facets("left"), grid.facets("right"), grid.facets("left", "right")
+    terms = [Fixed(grid.facets("bottom"), "y"), Traction(grid.facets("top"), (1e3, -500.0))]
+
+    def run(*surfaces, **keywords):
+        springs = [Viscoelastic(on, SPRINGY, 20.0) for on in surfaces]
+        return FiniteElements(grid, SPRINGY, Newmark(0.01), [*terms, *springs], **keywords)
+
+    whole, first = run(left, right), run(left, right)
+    whole.until(0.2)
+    first.until(0.1)
+    for surfaces in ((both,), (right, left)):
+        second = run(*surfaces, start=first)
+        second.until(0.1)
+        u, expected = (one.displacement.x.array for one in (second, whole))
+        np.testing.assert_allclose(u, expected, atol=1e-14)
+    half = run(left)
+    half.until(0.1)
+    with pytest.raises(ValueError, match=r"part of the facets \('left', 'right'\) springs .* own"):
+        run(both, start=half)
+    new = run(left, right, start=half)  # the right ones start unstressed, and the left ones go on
+    kept, fresh = (patch._total.x.array for patch in list(new.scene.patches.values())[1:])
+    assert np.array_equal(kept, half.displacement.x.array) and not fresh.any()
+    with pytest.warns(UserWarning, match=r"\('right',\) start unstressed, .*\('left',\) is gone"):
+        run(right, start=half)
+    points = MaterialPoints.fill(grid, dense.SOIL, 4).surface("left")
+    with pytest.warns(UserWarning, match=r"springs on 12 surface points start unstressed"):
+        run(points, start=half)
+    run(start=half)  # springs may go
+
+
+def test_what_start_takes_over_and_what_not():
+    """Motion goes on; ``Fixed`` moves by what its value changes from 0 on; statics are at rest."""
+    grid = dense.uneven(2)
+    push = [Fixed(grid.facets("bottom"), value=lambda t: 1e-3 * (3.0 + t)),
+            Traction(grid.facets("top"), (1e3, 0.0))]
+    first = FiniteElements(grid, dense.SOIL, Newmark(0.01), push)
+    first.until(0.1)
+    second = FiniteElements(grid, dense.SOIL, Newmark(0.01), push, start=first)
+    for name in ("v", "a"):
+        now, before = (getattr(run.motion, name).x.array for run in (second, first))
+        assert np.array_equal(now, before)
+    second.until(0.1)
+    base = grid.space.tabulate_dof_coordinates()[:, 1] < 1e-9
+    np.testing.assert_allclose(second.motion.nodal(second.displacement)[base], 2e-4, rtol=1e-9)
+    still = [push[1], Fixed(grid.facets("bottom"))]
+    static = FiniteElements(grid, dense.SOIL, QuasiStatic(1), still, start=second)
+    static.step()
+    np.testing.assert_allclose(static.motion.nodal(static.displacement)[base], 2e-4, rtol=1e-9)
+    moving = FiniteElements(grid, dense.SOIL, Newmark(0.01), push, start=static)
+    assert not moving.motion.v.x.array.any()
+    body = MaterialPoints.fill(grid, dense.SOIL, 4)
+    points = Simulation(grid, body, Newmark(0.01), [])
+    with pytest.raises(ValueError, match="start must be a finite element run, got Simulation"):
+        FiniteElements(grid, dense.SOIL, Newmark(0.01), push, start=points)

@@ -85,8 +85,8 @@ def test_sums_over_points_and_surfaces_do_not_depend_on_who_holds_them(several, 
 @pytest.mark.parametrize("case", [
     "Hencky, empty", "Hencky at points, empty", "Hencky in statics, empty", "von Mises, empty",
     "von Mises at points, empty", "one cell", "two cells", "two cells in statics", "one cell in 3D",
-    "twin, one cell", "twin, one cell, Hencky", "twin, one cell, von Mises"])
-def test_a_rank_may_have_no_points_and_no_cells(several, serial, case):
+    "twin, one cell", "twin, one cell, Hencky", "twin, one cell, von Mises", "layers 2D", "layers 3D"])
+def test_a_rank_may_have_no_points_and_no_cells_and_layers_are_the_same(several, serial, case):
     for quantity, expected in serial[case].items():
         assert difference(several[case][quantity], expected) < 1e-9, quantity
 
@@ -96,6 +96,6 @@ def test_options_for_blocks_and_factors_reach_them(several, serial, what):
     assert several["options"][what][""] == serial["options"][what][""] == [1.0]
 
 
-@pytest.mark.parametrize("what", ["outside", "lost", "inverted", "surface outside", "size"])
+@pytest.mark.parametrize("what", ["outside", "lost", "inverted", "surface outside", "size", "empty"])
 def test_what_goes_wrong_on_one_rank_stops_all(several, what):
     assert several["refusals"][what][""] == [1.0]
