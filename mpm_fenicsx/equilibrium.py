@@ -18,6 +18,7 @@ from .newton import Newton, SolverError
 from .part import Part
 from .scene import Contribution
 from .solver import RESCUE, linear_solver
+from .ties import Ties
 from .update import Update
 from .yielding import Yielding
 
@@ -64,6 +65,9 @@ class Equilibrium:
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
         self._can_rescue = ours
+        self.ties: Ties | None = None  # once a node is light
+        self._tied: PETSc.Mat | None = None  # P that the part was made for
+        self.strict = 0.0
         self._rescue: PETSc.KSP | None = None
 
     def _allocate(self) -> None:
@@ -83,12 +87,13 @@ class Equilibrium:
             with self.motion.region.room():
                 self._allocate()
             self._reset()
-        if not self._bring_up_to_date():
+        retied = self._retie()
+        if not self._bring_up_to_date() and not retied:
             return
-        A = self.matrix
-        A.getDiagonal(self._diagonal)
         if self._plain is not None:
-            self._diagonal.copy(self._plain)
+            self.matrix.getDiagonal(self._plain)
+        A = self._condense(retied)
+        A.getDiagonal(self._diagonal)
         d = self._diagonal.array
         free = ~self.fixed[: self._owned]
         largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
@@ -100,6 +105,29 @@ class Equilibrium:
         if self.part.take(~bare, self._diagonal):
             self._reset()
         self.ksp.setOperators(self.part.matrix)
+
+    def _retie(self) -> bool:
+        """Make ready for ties that are others than in the last step; whether they are."""
+        P = self.ties.P if self.ties is not None else None
+        if P is self._tied:
+            return False
+        if self._kind is not None:  # PETSc takes products of rows, not of blocks
+            self._kind = None
+            self._allocate()
+        if self.update is not None:
+            self.update.forget()
+        self._tied, self._condensed = P, None
+        self._reset()
+        return True
+
+    def _condense(self, retied: bool) -> PETSc.Mat:
+        """K of the nodes that are not tied."""
+        if self._tied is not None:
+            self._condensed = self.ties.condense(self.matrix, self._condensed)
+        A = self.matrix if self._tied is None else self._condensed
+        if retied:
+            self.part = Part(A)
+        return A
 
     def _bring_up_to_date(self) -> bool:
         """K in the matrix; False if that has not changed."""
@@ -130,6 +158,8 @@ class Equilibrium:
         Raises ``SolverError`` if PETSc or Newton does not converge.
         """
         self.motion.clear()
+        if self.motion.moved and self.ties is not None and self.ties.P is not None:
+            self.ties.follow(self.motion.u)
         if self.yielding is not None:
             self.yielding.clear()
         if reassemble or self._bent:
@@ -159,12 +189,16 @@ class Equilibrium:
         """Assemble the residual at the motion's u; its norm over free dofs (N)."""
         r = self._assemble(internal)
         np.negative(r, out=r)
+        if self._tied is not None:
+            self.ties.pass_on_free(self.force)
         r[self.fixed] = 0.0
         r[: self._owned][self.idle] = 0.0
         return self._norm() if self.yielding is not None else 0.0
 
     def correct(self) -> None:
         """Add K⁻¹ of the residual to the motion's u; where the solver is ours and fails, by a full factor."""
+        if self._tied is not None:
+            self.ties.pass_on_free(self.force)
         reason = self._run(self.ksp)
         if reason < 0 and self._can_rescue:
             if self._rescue is None:
@@ -177,6 +211,8 @@ class Equilibrium:
                               f"{self.largest()}")
         self.part.give(self.increment.x.array[: self._owned])
         fenicsx.share(self.increment)
+        if self._tied is not None:
+            self.ties.follow_free(self.increment)
         self.motion.u.x.array[:] += self.increment.x.array
 
     def largest(self) -> str:
@@ -208,9 +244,18 @@ class Equilibrium:
             self.yielding.clear()
         size = self.scale(internal)
         r = self._assemble(internal)
+        raw = r.copy()
+        if self.ties is not None and self.ties.P is not None:
+            self.ties.pass_on(self.force)
         borne = np.where(self.fixed, r, 0.0)
-        r[self.fixed] = 0.0
-        return borne, self._norm() / size if size > 0.0 else 0.0
+        whole = r.copy()
+        found = []
+        for left in (raw, whole):
+            r[:] = left
+            r[self.fixed] = 0.0
+            found.append(self._norm() / size if size > 0.0 else 0.0)
+        self.strict = found[0]
+        return borne, found[1]
 
     @cached_property
     def _body(self) -> list:

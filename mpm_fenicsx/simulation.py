@@ -29,6 +29,7 @@ from .run import Run
 from .scene import Scene
 from .shapes import Stencil
 from .terms import elasticity, inertia
+from .ties import Holding, Ties
 from .time_stepping import Newmark, QuasiStatic
 from .velocities import Deposit, trapezoidal
 from .yielding import Yielding, YieldingPoints
@@ -54,7 +55,7 @@ class Simulation(Run):
     def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
                  terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
                  sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
-                 b_bar: bool = False, reuse: float = 0.0, balanced: bool = False):
+                 b_bar: bool = False, reuse: float = 0.0, balanced: bool = False, hold_cut_cells: bool = True):
         self.bodies = [points] if isinstance(points, MaterialPoints) else list(points)
         if not self.bodies:
             raise ValueError("points: there is no body")
@@ -83,6 +84,10 @@ class Simulation(Run):
                                        reuse > 0.0)
         if reuse and (self.yielding is not None or self.equilibrium.update is None):
             raise ValueError(f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty")
+        # a term on the facets between cells, GhostPenalty, does in its own way what ties do
+        self._holds = hold_cut_cells and motion.region.dS is None
+        self._acts_everywhere = not stepping.dynamic or scene.body_loaded
+        self.holding: Holding | None = None
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
         if balanced and (not stepping.dynamic or any(b.material.kinematics is FINITE_STRAIN for b in self.bodies)):
             raise ValueError("balanced is for dynamics and small strain")
@@ -108,6 +113,7 @@ class Simulation(Run):
         self.locate()
         self.project()
         self.scene.prepare(start, end)
+        self.hold()
         self.scene.mark(self._held)
         self.motion.region.cover(self._held)
 
@@ -135,10 +141,25 @@ class Simulation(Run):
         if self.yielding is not None:
             self.yielding.place()
 
+    def hold(self) -> None:
+        """Tie the light nodes of cut cells where something acts, to those beside them."""
+        if not self._holds or not (self._acts_everywhere or self.scene.patches):
+            return
+        if self.holding is None:
+            ties = self.equilibrium.ties = Ties(self.grid, self.equilibrium.fixed)
+            self.holding = Holding(self.properties.fills(), ties, self._acts_everywhere)
+            self._loaded = np.zeros_like(self._held)
+        self._loaded[:] = 0
+        self.scene.mark_loaded(self._loaded)
+        self.holding.refresh(self._held, self._loaded)
+
     def predict(self) -> None:
         """Nodal velocity and acceleration before the step, from the points."""
         if self.stepping.dynamic:
             self.deposit.predict(self.bodies, self.stencils)
+            if self.holding is not None and self.holding.ties.P is not None:
+                for f in (self.motion.v, self.motion.a):
+                    self.holding.ties.follow(f)
 
     def solve(self, push: np.ndarray | float = 0.0) -> None:
         """Internal force at the points, tangent of the fields, one linear solve; ``push`` (dofs,), N, from outside."""
