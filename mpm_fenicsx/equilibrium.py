@@ -101,6 +101,8 @@ class Equilibrium:
         if self.update is not None:
             self.idle |= np.repeat(self.update.bare, self.motion.grid.dim)
         bare = self.idle | ~free
+        if self._tied is not None:
+            self.idle &= free & ~self.ties.tied[: self._owned]
         d[bare] = largest if largest > 0.0 else 1.0
         if self.part.take(~bare, self._diagonal):
             self._reset()
@@ -113,7 +115,8 @@ class Equilibrium:
             return False
         if self._kind is not None:  # PETSc takes products of rows, not of blocks
             self._kind = None
-            self._allocate()
+            with self.motion.region.whole():
+                self._allocate()
         if self.update is not None:
             self.update.forget()
         self._tied, self._condensed = P, None

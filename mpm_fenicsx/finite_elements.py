@@ -90,6 +90,10 @@ class FiniteElements(Run):
         self.scene.carry()
         self.collect()
 
+    def material(self) -> np.ndarray:
+        """All cells (cells,) hold material."""
+        return np.ones(self.grid.cells, dtype=bool)
+
     def balance(self) -> tuple[np.ndarray, float]:
         """What supports bear at the present displacement and loads, and what is out of balance elsewhere."""
         self.scene.prepare(self.time, self.time)

@@ -49,6 +49,8 @@ class Simulation(Run):
     that part (elastic bodies, one rank, DOLFINx 0.11; else nothing is kept); a restart is one to round-off then.
     ``balanced``: points go on with the acceleration that balances the stress they bear at the end of the step, not with
     the one that the matrix of (7) foresees, which takes energy off waves (small strain, dynamics; see ``Mismatch``).
+    ``hold_cut_cells``: light nodes of cut cells in which anything acts go with those beside them (see ``ties``), unless
+    a term ``GhostPenalty`` holds them.
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
@@ -86,7 +88,7 @@ class Simulation(Run):
             raise ValueError(f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty")
         # a term on the facets between cells, GhostPenalty, does in its own way what ties do
         self._holds = hold_cut_cells and motion.region.dS is None
-        self._acts_everywhere = not stepping.dynamic or scene.body_loaded
+        self._acts_everywhere = not stepping.dynamic or scene.body_loaded or self._stressed()
         self.holding: Holding | None = None
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
         if balanced and (not stepping.dynamic or any(b.material.kinematics is FINITE_STRAIN for b in self.bodies)):
@@ -193,6 +195,14 @@ class Simulation(Run):
         self.scene.carry()
         self.collect()
 
+    def material(self) -> np.ndarray:
+        """Which cells (cells,) points, or parts of their support domains, lie in."""
+        self.locate()
+        self.project()
+        fills = self.properties.fills()
+        fills.weigh(np.arange(self.grid.cells), self._held)
+        return fills.there
+
     def balance(self) -> tuple[np.ndarray, float]:
         """What supports bear with the points and loads as they are, and what is out of balance elsewhere."""
         self.prepare(self.time, self.time)
@@ -243,6 +253,10 @@ class Simulation(Run):
         if self.stepping.dynamic:
             nodal["velocity"] = self.motion.end()[0]
         return nodal, {}
+
+    def _stressed(self) -> bool:
+        """Whether points bear stress as they are, on any rank."""
+        return bool(self.grid.comm.allreduce(int(any(body.stress.any() for body in self.bodies))))
 
     def _can_yield(self) -> Yielding | None:
         """What yielding or finite strain adds to the step, where there is a body of that kind."""

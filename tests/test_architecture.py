@@ -19,7 +19,7 @@ FLOORS = {
     "forms": 1, "output": 1,
     "shapes": 2, "composite": 2, "projection": 2, "motion": 2, "scene": 2, "terms": 2, "mapping": 2, "ghost_penalty": 2,
     "loads": 0, "reactions": 2, "gauss": 2, "velocities": 2, "yielding": 2, "yielding_at_points": 2, "equilibrium": 2,
-    "part": 2, "ties": 2, "solver": 2, "update": 2, "mismatch": 2, "entry": 2,
+    "part": 2, "ties": 2, "supports": 2, "solver": 2, "update": 2, "mismatch": 2, "entry": 2,
     "properties": 2, "kept": 2, "internal_force": 2, "patches": 2, "faces": 2, "finite_strain": 2,
     "finite_strain_elements": 2,
     "touching": 2, "gaps": 2, "impact": 2,
