@@ -90,7 +90,7 @@ class FiniteElements(Run):
         self.scene.carry()
         self.collect()
 
-    def material(self) -> np.ndarray:
+    def filled_cells(self) -> np.ndarray:
         """All cells (cells,) hold material."""
         return np.ones(self.grid.cells, dtype=bool)
 

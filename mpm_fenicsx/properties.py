@@ -51,7 +51,7 @@ class Properties:
         self.project_volume()
 
     def fills(self) -> Fills:
-        """How full cells are: of mass where all bodies are as dense, else of volume, for which there is no field yet."""
+        """How full cells are: of mass where all bodies are as dense, else of volume, which then gets a field."""
         densities = {body.material.density for body in self._bodies}
         if len(densities) == 1:
             return Fills(self.grid, self.fields[0], densities.pop())

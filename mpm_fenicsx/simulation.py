@@ -160,8 +160,7 @@ class Simulation(Run):
         if self.stepping.dynamic:
             self.deposit.predict(self.bodies, self.stencils)
             if self.holding is not None and self.holding.ties.P is not None:
-                for f in (self.motion.v, self.motion.a):
-                    self.holding.ties.follow(f)
+                self.holding.ties.follow(self.motion.v)
 
     def solve(self, push: np.ndarray | float = 0.0) -> None:
         """Internal force at the points, tangent of the fields, one linear solve; ``push`` (dofs,), N, from outside."""
@@ -195,7 +194,7 @@ class Simulation(Run):
         self.scene.carry()
         self.collect()
 
-    def material(self) -> np.ndarray:
+    def filled_cells(self) -> np.ndarray:
         """Which cells (cells,) points, or parts of their support domains, lie in."""
         self.locate()
         self.project()

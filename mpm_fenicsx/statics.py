@@ -24,7 +24,7 @@ class Statics:
         """
         raise NotImplementedError
 
-    def material(self) -> np.ndarray:
+    def filled_cells(self) -> np.ndarray:
         """Which cells hold material (cells,), bool."""
         raise NotImplementedError
 
@@ -32,7 +32,7 @@ class Statics:
         """Refuse a quasi-static run with a rigid motion that is free, before its first step: ``ValueError``."""
         if self.stepping.dynamic or self._supported:
             return
-        message = free_motion(self.grid, self.material(), self.equilibrium.fixed)
+        message = free_motion(self.grid, self.filled_cells(), self.equilibrium.fixed)
         if message:
             raise ValueError(f"terms: {message}; a quasi-static run needs Fixed on facets of the grid "
                              "that the material touches")
