@@ -117,8 +117,10 @@ class Equilibrium:
             self._kind = None
             with self.motion.region.whole():
                 self._allocate()
-        if self.update is not None:
-            self.update.forget()
+            if self.update is not None:
+                self.update.forget()
+        elif self.update is not None and self.part.matrix is self.matrix:
+            self.matrix.setDiagonal(self._plain)  # rows without material have another one
         self._tied, self._condensed = P, None
         self._reset()
         return True
