@@ -200,23 +200,29 @@ class Fills:
 
     def weigh(self, cells: np.ndarray, pointed: np.ndarray) -> None:
         """``best`` (nodes,): the most that any of ``cells`` (n,) gives to a node, of those that hold a point,
-        ``pointed`` (cells,); ``there`` (cells,): which of them hold anything."""
+        ``pointed`` (cells,); ``there`` (cells,): which of them hold anything; and ``largest``, at most 1: the most that
+        one of all ranks does, as points given by hand may fill no cell."""
         nodes = self.grid.lattice.nodes
         self.best[nodes[cells]] = 0.0
-        _weigh(cells, self._field.x.array, self._dofs, self._weights, pointed, nodes, self.best, self.there)
+        largest = _weigh(cells, self._field.x.array, self._dofs, self._weights, pointed, nodes, self.best, self.there)
+        self.largest = min(1.0, self.grid.comm.allreduce(largest, op=MPI.MAX))
 
 
 @jit
 def _weigh(cells, values, dofs, weights, pointed, nodes, best, there):
+    largest = 0.0
     for c in cells:
-        there[c] = False
+        there[c], mean = False, 0.0
         for k in range(nodes.shape[1]):
             given = 0.0
             for j in range(dofs.shape[1]):
                 given += values[dofs[c, j]] * weights[j, k]
             there[c] |= given > 0.0
+            mean += given / nodes.shape[1]
             if pointed[c]:
                 best[nodes[c, k]] = max(best[nodes[c, k]], given)
+        largest = max(largest, mean)
+    return largest
 
 
 class Holding:
@@ -239,11 +245,12 @@ class Holding:
         acted = loaded + fills.there > 1 if not self._everywhere else (loaded > 1) | fills.there
         light = np.zeros(grid.nodes, dtype=bool)
         light[nodes[acted]] = True
-        light &= fills.best < self._heavy
+        heavy = self._heavy * fills.largest
+        light &= fills.best < heavy
         if grid.comm.allreduce(int(light.any()), op=MPI.MAX) or self.ties.P is not None:
             if not self._everywhere:
                 fills.weigh(self._all, pointed)
-            light, heavy = self._share(light), self._share(fills.best >= self._heavy)
+            light, heavy = self._share(light), self._share(fills.best >= heavy)
             self.ties.tie(light, heavy, acted | fills.there)
 
     def _share(self, marks: np.ndarray) -> np.ndarray:

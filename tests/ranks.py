@@ -156,6 +156,33 @@ def moving(dim: int, mapping, b_bar: bool = False, more: tuple = ()) -> dict:
     return {"points": {str(n): row.tolist() for n, row in zip(number, rows, strict=True)}}
 
 
+def settled(dim: int, mapping) -> dict:
+    """A body cut by grid lines comes to rest, and what its base bears."""
+    grid = grid_of(dim)
+    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: (x[0] < 1.2) & (x[1] < 1.2))
+    start = body.x.copy()
+    body.x[:, 0] += 0.03
+    base = "bottom" if dim == 2 else "back"
+    across = [] if dim == 2 else [Fixed(grid.facets("bottom"), "y")]
+    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets(base)), *across]
+    run = Simulation(grid, body, QuasiStatic(1), terms, mapping)
+    run.step()
+    left = run.settle()
+    own = grid.space.dofmap.index_map.size_local
+    weight, borne = (grid.comm.allreduce(value) for value in (
+        9.81 * body.mass.sum(), run.balance()[0].reshape(-1, dim)[:own].sum(axis=0)[-1]))
+    assert left <= 1e-10 and abs(borne / weight - 1) < 1e-10 and run.holding.ties.P is not None
+    free = Simulation(grid, body, QuasiStatic(1), terms[:1], mapping)
+    try:
+        free.step()
+        heard = 0
+    except ValueError as error:
+        heard = int("nothing keeps the body from moving along x and y" in str(error))
+    rows = np.hstack((body.x, 1e-6 * body.stress))
+    return {"points": {key(x): row.tolist() for x, row in zip(start, rows, strict=True)},
+            "refused": {"": [grid.comm.allreduce(heard) / grid.comm.size]}}
+
+
 def twin(dim: int, stepping, b_bar: bool = False) -> dict:
     """Finite elements."""
     grid = grid_of(dim)
@@ -219,6 +246,7 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
             cases[f"moving {dim}D {mapping}"] = moving(dim, mapping)
         cases[f"moving {dim}D B-bar"] = moving(dim, DM_GC, b_bar=True)
         cases[f"moving {dim}D GhostPenalty"] = moving(dim, DM_GC, more=(GhostPenalty(),))
+        cases[f"settled {dim}D"] = settled(dim, DM_GC)
         cases[f"static twin {dim}D B-bar"] = twin(dim, QuasiStatic(3), b_bar=True)
         cases[f"twin {dim}D"] = twin(dim, Newmark(1e-3))
         cases[f"static twin {dim}D"] = twin(dim, QuasiStatic(3))

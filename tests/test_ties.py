@@ -111,9 +111,10 @@ def test_a_cut_block_falls_freely():
 
 CASES = [("slope", 0.3, DM_GC, SOIL), ("step", 0.15, GIMP, WEAK), ("embankment", 0.15, DM_G, SOIL),
          ("block", 0.15, DM_GCL, WEAK_BLOCK), ("block", 0.0, DM_GC, SOIL)]
+NAMES = [f"{name}-{offset}-{mapping}-{type(soil).__name__}" for name, offset, mapping, soil in CASES]
 
 
-@pytest.mark.parametrize(("name", "offset", "mapping", "soil"), CASES, ids=[f"{n}-{o}-{m}-{type(s).__name__}" for n, o, m, s in CASES])
+@pytest.mark.parametrize(("name", "offset", "mapping", "soil"), CASES, ids=NAMES)
 def test_any_body_settles_and_nothing_moves_when_its_edges_become_dashpots(name, offset, mapping, soil):
     """The weight lies on the base to 1e-10; no velocity above 1e-4 gH/c."""
     rest = AtRest(name, offset, mapping, soil)
