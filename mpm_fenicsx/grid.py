@@ -220,13 +220,17 @@ class Grid:
         lattice = self.lattice
         kernels.walk(x, cell, lattice.lower, lattice.upper, lattice.neighbour)
 
+    @cached_property
+    def _cell_field(self):
+        from dolfinx import fem
+
+        f = fem.Function(fenicsx.space(self.mesh, "DQ", 0))
+        return f, fenicsx.cell_dofs(f.function_space)[:, 0]
+
     def share_cells(self, marks: np.ndarray) -> np.ndarray:
         """Marks of cells (cells,) with those of ghost cells taken from their owners."""
         if self.comm.size > 1:
-            from dolfinx import fem
-
-            f = fem.Function(fenicsx.space(self.mesh, "DQ", 0))
-            dofs = fenicsx.cell_dofs(f.function_space)[:, 0]
+            f, dofs = self._cell_field
             f.x.array[dofs[: self.owned_cells]] = marks[: self.owned_cells]
             fenicsx.share(f)
             marks = f.x.array[dofs].astype(marks.dtype)

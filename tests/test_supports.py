@@ -60,7 +60,7 @@ def test_a_roller_that_no_material_touches_holds_nothing():
 
 def test_each_piece_is_held_on_its_own():
     grid = box(2)
-    with pytest.raises(ValueError, match=r"the piece of material around x=\[.*\] from moving along x and y and turning"):
+    with pytest.raises(ValueError, match=r"the piece of material around x=\[.*\] from moving along x and y and"):
         points(grid, [Fixed(grid.facets("bottom"))], inside=lambda x: (x[1] < 1) | (x[1] > 2)).step()
 
 
