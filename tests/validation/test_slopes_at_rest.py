@@ -36,22 +36,23 @@ def test_in_3d(mapping, record):
 
 
 def stays(rest, steps=STEPS):
-    """What the base lacks of the weight, the largest velocity (of gH/c), and by how much more it is in the later half
-    of the steps than before."""
+    """What the base lacks of the weight, the largest velocity (of gH/c), and that of the later half of the steps where
+    it is larger than before."""
     lacks, run, fastest = abs(rest.borne()[1] - 1.0), rest.release(), []
     assert rest.left <= 1e-10
     for _ in range(steps):
         run.step()
         fastest.append(rest.fastest())
     early, late = np.max(fastest[: steps // 2]), np.max(fastest[steps // 2 :])
-    return lacks, max(early, late), late - early
+    return lacks, max(early, late), late if late > early else 0.0
 
 
 def judge(name, found, mapping, record):
-    """No velocity above 1e-4 gH/c, and none that grows."""
-    lacks, fastest, growth = np.max(found, axis=0)
+    """No velocity above 1e-4 gH/c, and none that grows, but from nothing to the drift of what ``settle`` leaves, 1e-10
+    of the forces at work."""
+    lacks, fastest, grown = np.max(found, axis=0)
     record(f"11 {name} at rest: weight that the base does not bear", mapping, lacks)
     record(f"11 {name}, fixed edges to dashpots: largest velocity, of gH/c", mapping, fastest)
     assert lacks < 1e-10
     assert fastest < 1e-4
-    assert growth <= 0.0
+    assert grown < 1e-8
