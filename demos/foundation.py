@@ -105,13 +105,14 @@ def finite_elements(boundary, load=load, softening=softening, cell=0.0625):
     return FiniteElements(grid, soil(softening), Newmark(dt), terms(boundary, load, surface, grid))
 
 
-def material_points(boundary, load=load, softening=softening, cell=0.0625, mapping=DM_GC):
-    """Material points on a grid of ``meshes/``: with room for heave, and around sides and base where they drift."""
+def material_points(boundary, load=load, softening=softening, cell=0.0625, mapping=DM_GC, **options):
+    """Material points on a grid of ``meshes/``: with room for heave, and around sides and base where they drift;
+    ``options`` of ``Simulation``."""
     kind = "fixed" if boundary == "fixed" else "absorbing"
     grid = Grid.read(HOME / "meshes" / f"foundation_{kind}{CELLS[cell]}.vtu")
     points = MaterialPoints.fill(grid, soil(softening), per_cell=4,
                                  inside=lambda x: (x[0] > 0) & (x[0] < width) & (x[1] > 0) & (x[1] < height))
-    return Simulation(grid, points, Newmark(dt), terms(boundary, load, points.surface, grid), mapping)
+    return Simulation(grid, points, Newmark(dt), terms(boundary, load, points.surface, grid), mapping, **options)
 
 
 def deviatoric(stress):

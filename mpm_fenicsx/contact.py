@@ -93,6 +93,11 @@ class Contact(Run):
         self.gaps.weigh(bare)
         self._hold_apart()
 
+    def check_supports(self) -> None:
+        """In statics each body needs supports of its own."""
+        for run in self.runs:
+            run.check_supports()
+
     def carry(self) -> None:
         """All bodies move, or none."""
         with self.all_or_nothing(True):

@@ -18,6 +18,7 @@ from .newton import Newton, SolverError
 from .part import Part
 from .scene import Contribution
 from .solver import RESCUE, linear_solver
+from .ties import Ties
 from .update import Update
 from .yielding import Yielding
 
@@ -66,6 +67,9 @@ class Equilibrium:
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
         self._can_rescue = ours
+        self.ties: Ties | None = None  # once a node is light
+        self._tied: PETSc.Mat | None = None  # P that the part was made for
+        self.strict = 0.0
         self._rescue: PETSc.KSP | None = None
 
     def _allocate(self) -> None:
@@ -85,12 +89,13 @@ class Equilibrium:
             with self.motion.region.room():
                 self._allocate()
             self._reset()
-        if not self._bring_up_to_date():
+        retied = self._retie()
+        if not self._bring_up_to_date() and not retied:
             return
-        A = self.matrix
-        A.getDiagonal(self._diagonal)
         if self._plain is not None:
-            self._diagonal.copy(self._plain)
+            self.matrix.getDiagonal(self._plain)
+        A = self._condense(retied)
+        A.getDiagonal(self._diagonal)
         d = self._diagonal.array
         free = ~self.fixed[: self._owned]
         largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
@@ -98,10 +103,38 @@ class Equilibrium:
         if self.update is not None:
             self.idle |= np.repeat(self.update.bare, self.motion.grid.dim)
         bare = self.idle | ~free
+        if self._tied is not None:
+            self.idle &= free & ~self.ties.tied[: self._owned]
         d[bare] = largest if largest > 0.0 else 1.0
         if self.part.take(~bare, self._diagonal):
             self._reset()
         self.ksp.setOperators(self.part.matrix)
+
+    def _retie(self) -> bool:
+        """Make ready for ties that are others than in the last step; whether they are."""
+        P = self.ties.P if self.ties is not None else None
+        if P is self._tied:
+            return False
+        if self._kind is not None:  # PETSc takes products of rows, not of blocks
+            self._kind = None
+            with self.motion.region.whole():
+                self._allocate()
+            if self.update is not None:
+                self.update.forget()
+        elif self.update is not None and self.part.matrix is self.matrix:
+            self.matrix.setDiagonal(self._plain)  # rows without material have another one
+        self._tied, self._condensed = P, None
+        self._reset()
+        return True
+
+    def _condense(self, retied: bool) -> PETSc.Mat:
+        """K of the nodes that are not tied."""
+        if self._tied is not None:
+            self._condensed = self.ties.condense(self.matrix, self._condensed)
+        A = self.matrix if self._tied is None else self._condensed
+        if retied:
+            self.part = Part(A)
+        return A
 
     def _bring_up_to_date(self) -> bool:
         """K in the matrix; False if that has not changed."""
@@ -158,16 +191,21 @@ class Equilibrium:
         return found
 
     def initial_force(self, internal: np.ndarray) -> np.ndarray:
-        """P - F - Z v (dofs,), N, at the start of the step; ``internal`` (dofs,), N, as in ``solve``."""
+        """P - F - Z v (dofs,), N, at the start of the step, of every node on its own; ``internal`` (dofs,), N, as in
+        ``solve``."""
         with self.motion.vanishing_step():
             self._clear()
             self.motion.u.x.array[:] = 0.0
-            self.refresh(internal)
+            force = -self._assemble(internal) / self._known
+        self.force.x.array[:] = force
+        self.force.x.array[self.fixed] = 0.0
         fenicsx.share(self.force)
-        return self.force.x.array / self._known
+        return self.force.x.array.copy()
 
     def _clear(self) -> None:
         self.motion.clear()
+        if self.motion.moved and self.ties is not None and self.ties.P is not None:
+            self.ties.follow(self.motion.u)
         if self.yielding is not None:
             self.yielding.clear()
 
@@ -212,6 +250,8 @@ class Equilibrium:
         """Assemble the residual at the motion's u; its norm over free dofs (N)."""
         r = self._assemble(internal)
         np.negative(r, out=r)
+        if self._tied is not None:
+            self.ties.pass_on_free(self.force)
         r[self.fixed] = 0.0
         r[: self._owned][self.idle] = 0.0
         return self._norm()
@@ -224,6 +264,8 @@ class Equilibrium:
 
     def _solve(self) -> None:
         """K⁻¹ of the residual, as ``increment``; where the solver is ours and fails, by a full factor."""
+        if self._tied is not None:
+            self.ties.pass_on_free(self.force)
         reason = self._run(self.ksp)
         if reason < 0 and self._can_rescue:
             if self._rescue is None:
@@ -236,6 +278,8 @@ class Equilibrium:
                               f"{self.largest()}")
         self.part.give(self.increment.x.array[: self._owned])
         fenicsx.share(self.increment)
+        if self._tied is not None:
+            self.ties.follow_free(self.increment)
 
     def largest(self) -> str:
         """Where the residual is largest, or not a number, in words; the same on all ranks."""
@@ -266,9 +310,18 @@ class Equilibrium:
             self.yielding.clear()
         size = self.scale(internal)
         r = self._assemble(internal)
+        raw = r.copy()
+        if self.ties is not None and self.ties.P is not None:
+            self.ties.pass_on(self.force)
         borne = np.where(self.fixed, r, 0.0)
-        r[self.fixed] = 0.0
-        return borne, self._norm() / size if size > 0.0 else 0.0
+        whole = r.copy()
+        found = []
+        for left in (raw, whole):
+            r[:] = left
+            r[self.fixed] = 0.0
+            found.append(self._norm() / size if size > 0.0 else 0.0)
+        self.strict = found[0]
+        return borne, found[1]
 
     @cached_property
     def _body(self) -> list:

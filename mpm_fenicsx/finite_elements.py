@@ -20,13 +20,13 @@ from .grid import Grid
 from .identity import described
 from .inside import in_mesh
 from .law_checks import check_law
+from .meeting_supports import refuse_disagreement
 from .motion import Motion
 from .newton import Newton
 from .options import InitialAcceleration
 from .run import Run
 from .scene import Scene
 from .scene_checks import check_options
-from .supports import refuse_disagreement
 from .terms import elastic_work, elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
 from .yielding import Yielding, YieldingElements
@@ -129,6 +129,10 @@ class FiniteElements(Run):
             self.yielding.carry()
         self.scene.carry()
         self.collect()
+
+    def filled_cells(self) -> np.ndarray:
+        """All cells (cells,) hold material."""
+        return np.ones(self.grid.cells, dtype=bool)
 
     def balance(self) -> tuple[np.ndarray, float]:
         """What supports bear at the present displacement and loads, and what is out of balance elsewhere."""

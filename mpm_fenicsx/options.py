@@ -34,7 +34,7 @@ class InitialAcceleration(Enum):
 
 
 PAPER = {"mapping": replace(DM_GC, mass=DOUBLE_MAPPED), "sweeps": 0, "correction": AccelerationCorrection.OFF,
-         "initial_acceleration": InitialAcceleration.ZERO}
+         "initial_acceleration": InitialAcceleration.ZERO, "hold_cut_cells": False}
 """Keywords of ``Simulation`` for the step of Do et al. (2023) to the letter, the start included."""
 
 

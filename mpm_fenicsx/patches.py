@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import singledispatch
+from functools import cached_property, singledispatch
 
 import numpy as np
 import ufl
@@ -35,6 +35,14 @@ class FacetPatch:
         self.measure, self.surface = surface.measure, surface
         self._refresh: list[Callable[[float, float], None]] = []
         self._total: fem.Function | None = None
+
+    @cached_property
+    def _cells(self) -> np.ndarray:
+        """The cells that the facets belong to."""
+        topology, dim = self.grid.mesh.topology, self.grid.dim
+        topology.create_connectivity(dim - 1, dim)
+        beside = topology.connectivity(dim - 1, dim)
+        return np.unique([beside.links(facet)[0] for facet in self.surface.facets]).astype(np.int32)
 
     def tensor(self, along: float, across: float):
         """Tensor with eigenvalue ``along`` the outward normal and ``across`` it."""
@@ -115,6 +123,10 @@ class FacetPatch:
 
     def mark(self, cells: np.ndarray) -> None:
         """Facets hold no points."""
+
+    def mark_loaded(self, cells: np.ndarray) -> None:
+        """Mark the cells of the facets with 1, unless they have more."""
+        cells[self._cells] = np.maximum(cells[self._cells], 1)
 
     def carry(self) -> None:
         """Springs remember the step."""
@@ -269,6 +281,10 @@ class PointPatch:
     def mark(self, cells: np.ndarray) -> None:
         """Mark the cells that hold the points, or pieces of their faces."""
         cells[self.faces.stencil.cell] = 1
+
+    def mark_loaded(self, cells: np.ndarray) -> None:
+        """Mark the same cells with 2."""
+        cells[self.faces.stencil.cell] = 2
 
     def carry(self) -> None:
         """Move with the grid's displacement; at rest springs remember it, and points stay."""

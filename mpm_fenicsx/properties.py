@@ -13,6 +13,7 @@ from .motion import Motion
 from .points import MaterialPoints
 from .projection import Integration, Projection
 from .shapes import Stencil
+from .ties import Fills
 
 
 class Properties:
@@ -26,7 +27,7 @@ class Properties:
     def __init__(self, motion: Motion, mapping: Mapping, bodies: Sequence[MaterialPoints],
                  stencils: Sequence[Stencil], reuse: float = 0.0):
         self.grid, self._bodies, self._stencils = motion.grid, bodies, stencils
-        self._mass = mapping.mass
+        self._mass, self._volume = mapping.mass, None
         self._alike = mapping.mass is mapping.integrate
         ways = [(mapping.mass, 3)] if self._alike else [(mapping.mass, 1), (mapping.integrate, 2)]
         self.projections = [Projection(self.grid, way, fields) for way, fields in ways]
@@ -47,6 +48,25 @@ class Properties:
             projection.finish()
         for kept in self._kept:
             kept.refresh()
+        self.project_volume()
+
+    def fills(self) -> Fills:
+        """How full cells are: of mass where all bodies are as dense, else of volume, which then gets a field."""
+        densities = {body.material.density for body in self._bodies}
+        if len(densities) == 1:
+            return Fills(self.grid, self.fields[0], densities.pop())
+        self._volume = Projection(self.grid, self._mass, 1)
+        self.project_volume()
+        return Fills(self.grid, self._volume.fields[0], 1.0)
+
+    def project_volume(self) -> None:
+        """Refresh the part of each cell that material fills, where ``fills`` asked for it."""
+        if self._volume is None:
+            return
+        self._volume.clear()
+        for body, stencil in zip(self._bodies, self._stencils, strict=True):
+            self._volume.add(stencil, body.volume[:, None])
+        self._volume.finish()
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""

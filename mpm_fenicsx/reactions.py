@@ -16,18 +16,22 @@ from .patches import PointPatch
 from .points import SurfacePoints
 from .scene import Scene
 from .terms import Traction
+from .ties import Ties
 
 HAIR = 1e-6  # of a surface point's weight: so much may lie on nodes that are not fixed
 EXACT = 1e-8  # of the reactions: what tractions may miss
 
 
-def tractions(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence) -> list[Traction]:
+def tractions(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence,
+              ties: Ties | None = None) -> list[Traction]:
     """Tractions t on ``surfaces`` with Σ_m A_m N_i(x_m) t_m, or ∫ N_i t ds on facets, equal to the reactions R_i.
 
     ``fixed``, ``borne`` (dofs,): which are, and R, N.  A component of t is there only on edges where it is fixed; of
     all such t the one with the least ∫ t².  What fixed nodes bear that the surfaces do not touch is left out: it
     belongs to supports that stay.  Surface points must lie on the grid lines: make them after the static run, or
     before it and let a term carry them along (as they must be where the material points are scattered).
+    ``ties``: those of the run; light nodes that are fixed beside a surface, which does not touch them, hand what they
+    bear to the nodes of it that they will be tied to.
     Raises ``ValueError`` on several ranks, for surfaces of both kinds or none, one that is on no fixed edge, or too
     few surface points.
     """
@@ -36,12 +40,13 @@ def tractions(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequ
     fixed, borne = (a.reshape(-1, scene.grid.dim) for a in (fixed, borne))
     for kind, find in ((SurfacePoints, _at_points), (GridSurface, _on_facets)):
         if surfaces and all(isinstance(surface, kind) for surface in surfaces):
-            found = find(scene, fixed, borne, surfaces)
+            found = find(scene, fixed, borne, surfaces, ties)
             return [Traction(surface, value) for surface, value in zip(surfaces, found, strict=True)]
     raise ValueError(f"surfaces must all be surface points, or all facets of the grid, got {surfaces!r}")
 
 
-def _at_points(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence) -> list[np.ndarray]:
+def _at_points(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence,
+               ties: Ties | None) -> list[np.ndarray]:
     patches = [PointPatch(surface, scene) for surface in surfaces]
     for patch in patches:
         patch.prepare(0.0, 0.0)
@@ -58,8 +63,11 @@ def _at_points(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Seq
             continue
         mine = weights[rows]
         A = csr_matrix(mine.multiply(root[rows, None])).T.tocsr()
-        touched = np.flatnonzero(np.asarray(mine.sum(axis=0)).ravel() > HAIR)
-        A, R = A[touched], borne[touched, c]
+        reached = np.asarray(mine.sum(axis=0)).ravel() > HAIR
+        touched, R = np.flatnonzero(reached), borne[:, c]
+        if ties is not None:
+            R = ties.hand_over(R, fixed[:, c] & ~reached, fixed[:, c] & reached)
+        A, R = A[touched], R[touched]
         scale = 1.0 / np.sqrt(np.asarray(A.multiply(A).sum(axis=1)).ravel())
         B = csr_matrix(A.multiply(scale[:, None]))
         y = lsqr(B, scale * R, atol=1e-15, btol=1e-15, conlim=0.0, iter_lim=50 * len(rows))[0]
@@ -70,7 +78,8 @@ def _at_points(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Seq
     return np.split(t, cuts)
 
 
-def _on_facets(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence) -> list[fem.Function]:
+def _on_facets(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence,
+               ties: Ties | None) -> list[fem.Function]:
     grid, mesh, dim = scene.grid, scene.grid.mesh, scene.grid.dim
     marks = fenicsx.space(mesh, "DQ", 0, (dim,))
     at = fenicsx.cell_dofs(marks)[:, 0]

@@ -78,9 +78,18 @@ class Region:
     @contextmanager
     def room(self) -> Iterator[None]:
         """Within, forms go over all cells, and over the facets that are sewn or may be soon."""
-        before = self._domains[:], self._seams[:]
+        before = self._seams[:]
         self._room = self._sewn | (self._near[self._facets[:, 0]] & self._near[self._facets[:, 2]])
-        self._domains[0] = (fenicsx.MATERIAL, np.arange(self.grid.owned_cells, dtype=np.int32))
         self._seams[:] = [(fenicsx.MATERIAL, self._facets[self._room])]
+        with self.whole():
+            yield
+        self._seams[:] = before
+
+    @contextmanager
+    def whole(self) -> Iterator[None]:
+        """Within, forms go over all cells."""
+        before = self._domains[:]
+        if before:
+            self._domains[0] = (fenicsx.MATERIAL, np.arange(self.grid.owned_cells, dtype=np.int32))
         yield
-        self._domains[:], self._seams[:] = before
+        self._domains[:] = before

@@ -87,7 +87,9 @@ class Run(Statics):
         """One step of length ``stepping.dt``.
 
         Raises ``RunError`` naming step and time; what is recorded stays, and the state is that of the last whole step.
+        ``ValueError`` before the first quasi-static step where supports leave a rigid motion free.
         """
+        self.check_supports()
         with self.reported():
             self._begin_once()
             self.advance(self.time, self.next_time)

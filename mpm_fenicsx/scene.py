@@ -49,6 +49,7 @@ class Scene:
     before: list[Callable[[float, float], None]] = field(default_factory=list)
     patches: dict[int, object] = field(default_factory=dict)
     loads: list[Load] = field(default_factory=list)
+    body_loaded: bool = False
 
     def patch(self, surface):
         """The boundary patch of a surface, one for all terms that act on it."""
@@ -85,6 +86,11 @@ class Scene:
         """Mark the cells that hold surface points."""
         for p in self.patches.values():
             p.mark(cells)
+
+    def mark_loaded(self, cells: np.ndarray) -> None:
+        """Mark the cells (cells,) on which surfaces act: 2 where surface points do, 1 where facets do."""
+        for p in self.patches.values():
+            p.mark_loaded(cells)
 
     def go_on_from(self, other: Scene) -> None:
         """Springs take over what those of another scene on the same surface have accumulated.

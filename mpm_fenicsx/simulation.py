@@ -23,6 +23,7 @@ from .interfaces import warn_of_interfaces
 from .internal_force import ConstantStress, LinearStress
 from .mapping import DM_GC
 from .mapping import Mapping as PointMapping
+from .meeting_supports import refuse_disagreement
 from .motion import Motion
 from .newton import Newton
 from .options import InitialAcceleration, chosen_correction, chosen_sweeps, courant_number, take_up_rate
@@ -35,8 +36,8 @@ from .run import Run
 from .scene import Scene
 from .scene_checks import bodies_of, check_mapping, check_options
 from .shapes import Stencil
-from .supports import refuse_disagreement
 from .terms import elasticity, inertia
+from .ties import Holding, Ties
 from .time_stepping import Newmark, QuasiStatic
 from .velocities import Deposit, KnownVelocity, trapezoidal
 from .yielding import Yielding, YieldingPoints
@@ -58,6 +59,8 @@ class Simulation(Run):
     at the points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings only).
     ``reuse``: a cell's density, moduli and part of the matrix stay as they are while they would change by less than
     that part (elastic bodies, one rank, DOLFINx 0.11; else nothing is kept); a restart is one to round-off then.
+    ``hold_cut_cells``: light nodes of cut cells in which anything acts go with those beside them (see ``ties``), unless
+    a term ``GhostPenalty`` holds them.
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
@@ -66,10 +69,11 @@ class Simulation(Run):
                  sweeps: int | None = None, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
                  b_bar: bool = False, reuse: float = 0.0, balanced: bool | None = None,
                  correction: AccelerationCorrection | None = None,
-                 initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED):
+                 initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
+                 hold_cut_cells: bool = True):
         self.bodies = bodies_of(points)
         check_mapping(mapping, transfer)
-        check_options(newton, solver, b_bar=b_bar)
+        check_options(newton, solver, b_bar=b_bar, hold_cut_cells=hold_cut_cells)
         if b_bar and mapping.integrate is not DOUBLE_MAPPED:
             raise ValueError(f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the points")
         super().__init__(mapping.name, grid, stepping, terms)
@@ -97,6 +101,10 @@ class Simulation(Run):
                                        reuse > 0.0)
         if reuse and (self.yielding is not None or self.equilibrium.update is None):
             raise ValueError(f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty")
+        # a term on the facets between cells, GhostPenalty, does in its own way what ties do
+        self._holds = hold_cut_cells and motion.region.dS is None
+        self._acts_everywhere = not stepping.dynamic or scene.body_loaded or self._stressed()
+        self.holding: Holding | None = None
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
         self.initial_acceleration, self._unmoved = initial_acceleration, []
         correction = self._asked_correction(correction, balanced)
@@ -179,6 +187,7 @@ class Simulation(Run):
         self.locate()
         self.project()
         self.scene.prepare(start, end)
+        self.hold()
         self.scene.mark(self._held)
         self.motion.region.cover(self._held)
 
@@ -210,10 +219,24 @@ class Simulation(Run):
         if self.yielding is not None:
             self.yielding.place()
 
+    def hold(self) -> None:
+        """Tie the light nodes of cut cells where something acts, to those beside them."""
+        if not self._holds or not (self._acts_everywhere or self.scene.patches):
+            return
+        if self.holding is None:
+            ties = self.equilibrium.ties = Ties(self.grid, self.equilibrium.fixed)
+            self.holding = Holding(self.properties.fills(), ties, self._acts_everywhere)
+            self._loaded = np.zeros_like(self._held)
+        self._loaded[:] = 0
+        self.scene.mark_loaded(self._loaded)
+        self.holding.refresh(self._held, self._loaded)
+
     def predict(self) -> None:
         """Nodal velocity and acceleration before the step, from the points."""
         if self.stepping.dynamic:
             self.deposit.predict(self.bodies, self.stencils)
+            if self.holding is not None and self.holding.ties.P is not None:
+                self.holding.ties.follow(self.motion.v)
 
     def solve(self, push: np.ndarray | float = 0.0) -> None:
         """Internal force at the points, tangent of the fields, one linear solve; ``push`` (dofs,), N, from outside."""
@@ -250,6 +273,14 @@ class Simulation(Run):
             body.deform(stencil.at_points(u), *stretches)
         self.scene.carry()
         self.collect()
+
+    def filled_cells(self) -> np.ndarray:
+        """Which cells (cells,) points, or parts of their support domains, lie in."""
+        self.locate()
+        self.project()
+        fills = self.properties.fills()
+        fills.weigh(np.arange(self.grid.cells), self._held)
+        return fills.there
 
     def balance(self) -> tuple[np.ndarray, float]:
         """What supports bear with the points and loads as they are, and what is out of balance elsewhere."""
@@ -306,6 +337,10 @@ class Simulation(Run):
         if self.stepping.dynamic:
             nodal["velocity"] = self.motion.end()[0]
         return nodal, {}
+
+    def _stressed(self) -> bool:
+        """Whether points bear stress as they are, on any rank."""
+        return bool(self.grid.comm.allreduce(int(any(body.stress.any() for body in self.bodies))))
 
     def _can_yield(self) -> Yielding | None:
         """What yielding or finite strain adds to the step, where there is a body of that kind."""

@@ -1,85 +1,80 @@
-"""Supports that meet: nodes that two of them move in different ways."""
+"""Whether supports hold a body at rest: the rigid motions that they leave free."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from itertools import combinations
 
 import numpy as np
-from dolfinx import fem
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
 
-from .loads import of_time
-from .partition import anywhere
-from .scene import Scene
-from .terms import Fixed
+from . import fenicsx
+from .grid import Grid
 
-AHEAD = 20
-"""Steps that are looked at when a scene is built; the others as they come."""
-ALIKE = 1e-9
-"""Of the displacements: supports that move nodes by no more than that apart move them alike."""
+FREE = 1e-9
+"""Of the largest singular value: below, a motion is free."""
 
 
-def refuse_disagreement(scene: Scene, terms: Sequence) -> None:
-    """Raise ``ValueError``, on all ranks, where two ``Fixed`` move the same component of a node differently.
+def free_motion(grid: Grid, cells: np.ndarray, fixed: np.ndarray) -> str | None:
+    """What nothing keeps the material in ``cells`` (cells,), bool, from, in words, or None; the same on all ranks.
 
-    Looks at the first steps now, and at the others when they come.
+    ``fixed`` (dofs,): those whose displacement is given.  Material is in one piece where its cells share nodes; each
+    must be held on its own.  A fixed node without material holds nothing.
     """
-    supports = [term for term in terms if isinstance(term, Fixed)]
-    pairs = [(a, b) for a, b in combinations(supports, 2)
-             if (a.value, a.acceleration) != (b.value, b.acceleration)]
-    meeting = [(a, b, place) for a, b in pairs for place in [_meet(scene, a, b)] if place is not None]
-    if not meeting:
-        return
-
-    def look(start: float, end: float) -> None:
-        fault = next(filter(None, (_difference(*both, start, end) for both in meeting)), None)
-        if fault:
-            raise ValueError(fault)
-
-    dt = scene.motion.stepping.dt
-    for step in range(AHEAD if scene.motion.stepping.dynamic else round(1.0 / dt)):
-        try:
-            fault = next(filter(None, (_difference(*both, step * dt, (step + 1) * dt) for both in meeting)), None)
-        except Exception:  # of a record that ends before: the run may, too
-            break
-        if fault:
-            raise ValueError(fault)
-    scene.before.append(look)
+    dim, numbers = grid.dim, grid.space.dofmap.index_map
+    number = numbers.local_to_global(np.arange(grid.nodes, dtype=np.int32))
+    corners = fenicsx.cell_dofs(grid.space)[: grid.owned_cells][cells[: grid.owned_cells]]
+    used = np.unique(corners)
+    place = grid.space.tabulate_dof_coordinates()[used, :dim]
+    mine = number[corners], number[used], place, fixed.reshape(-1, dim)[used]
+    gathered, message = grid.comm.gather(mine), None
+    if gathered is not None:
+        corners, used, place, held = (np.concatenate(part) for part in zip(*gathered, strict=True))
+        message = _first_free(corners, used, place, held)
+    return grid.comm.bcast(message)
 
 
-def _difference(a: Fixed, b: Fixed, place: str, start: float, end: float) -> str | None:
-    """What two supports move a node by in a step, in words, if it is not the same."""
-    both = f"Fixed on {', '.join(a.on.names)} and Fixed on {', '.join(b.on.names)} share the node {place}, and"
-    cure = "leave it out of one of them, by facets of your own"
-    recorded = [support for support in (a, b) if support.value is None and support.acceleration is not None]
-    if recorded and any(support.value is not None for support in (a, b)):
-        return f"{both} one moves it by an acceleration, the other by a displacement: {cure}"
-    if recorded:
-        moves = [_function("acceleration", support)(end) for support in (a, b)]
-        unit = "m/s²"
-    else:
-        moves = [value(end) - value(start) for value in (_function("value", support) for support in (a, b))]
-        unit = "m"
-    if abs(moves[0] - moves[1]) <= ALIKE * max(map(abs, moves)):
+def _first_free(corners: np.ndarray, used: np.ndarray, place: np.ndarray, held: np.ndarray) -> str | None:
+    """The first piece that is not held; ``corners`` (cells, 2^dim) and ``used`` (n,) are numbers of nodes."""
+    if not len(corners):
         return None
-    return (f"{both} move it by {moves[0]:.6g} {unit} and {moves[1]:.6g} {unit} from t = {start:.6g} to {end:.6g}: "
-            f"{cure}")
+    node, at = np.unique(used, return_index=True)
+    place, held, corners = place[at], held[at], np.searchsorted(node, corners)
+    links = np.repeat(corners[:, :1], corners.shape[1], axis=1).ravel(), corners.ravel()
+    pieces, piece = connected_components(coo_matrix((np.ones(len(links[0])), links), shape=(len(node),) * 2), False)
+    for k in range(pieces):
+        mine = piece == k
+        motions = _free(place[mine], held[mine])
+        if motions:
+            x = place[mine].mean(axis=0)
+            what = "the body" if pieces == 1 else f"the piece of material around x={np.round(x, 6)}"
+            return f"nothing keeps {what} from {' and '.join(motions)}"
+    return None
 
 
-def _function(name: str, support: Fixed) -> Callable[[float], float]:
-    function = getattr(support, name)
-    return (lambda t: 0.0) if function is None else of_time(f"{name} of Fixed", function)
-
-
-def _meet(scene: Scene, a: Fixed, b: Fixed) -> str | None:
-    """A node that both hold, and in which direction, the same words on all ranks; None where there is none."""
-    grid, words = scene.grid, None
-    axes = "xyz"[: grid.dim]
-    x = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
-    for c in axes:
-        if c in (a.components or axes) and c in (b.components or axes):
-            V = grid.space.sub(axes.index(c))
-            shared = np.intersect1d(*(fem.locate_dofs_topological(V, grid.dim - 1, s.on.facets) for s in (a, b)))
-            if len(shared) and words is None:
-                words = f"x={x[shared[0] // grid.dim].round(9) + 0.0} in {c}"
-    return anywhere(grid.comm, words)
+def _free(x: np.ndarray, held: np.ndarray) -> list[str]:
+    """The rigid motions of nodes at x (n, dim) that the components in ``held`` (n, dim) allow, in words."""
+    n, dim = x.shape
+    size = max(np.ptp(x, axis=0).max(), np.finfo(float).tiny)
+    away, axes = (x - x.mean(axis=0)) / size, "xyz"[:dim]
+    turns = list(combinations(range(dim), 2))
+    modes = np.zeros((n, dim, dim + len(turns)))  # displacements of each motion
+    modes[:, range(dim), range(dim)] = 1.0
+    for k, (i, j) in enumerate(turns):
+        modes[:, i, dim + k], modes[:, j, dim + k] = -away[:, j], away[:, i]
+    rows = modes[held]
+    stiffness = rows.T @ rows
+    value, mode = np.linalg.eigh(stiffness)
+    free = mode[:, value <= FREE * max(value[-1], 1.0)]  # an orthonormal basis of what is free
+    if not free.shape[1]:
+        return []
+    along = [d for d in range(dim) if np.linalg.norm(free[d]) > 1.0 - 1e-6]
+    rest = free.shape[1] - len(along)
+    found = [f"moving along {' and '.join(axes[d] for d in along)}"] if along else []
+    about = [k for k in range(len(turns)) if np.abs(free[dim + k]).max(initial=0.0) > 1e-6]
+    if rest and about:
+        names = {2: [""], 3: [f" about {'xyz'[3 - i - j]}" for i, j in turns]}[dim]
+        found.append("turning" + (names[about[0]] if len(about) == 1 else ""))
+    elif rest:
+        found.append("moving askew to the axes")
+    return found

@@ -172,7 +172,7 @@ class Gravity:
 
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work -∫ ρ g·w, and the work done."""
-        motion = scene.motion
+        motion, scene.body_loaded = scene.motion, True
         function, placed = scene.load("g of Gravity", self.g)
         force = (scene.body_force or partial(_at_nodes, scene)) if placed else partial(_everywhere, scene)
 

@@ -69,6 +69,10 @@ class Update:
         self.cells = np.flatnonzero(changed).astype(np.int32)
         return not little and len(self.cells) <= MANY * len(self.motion.region.cells)
 
+    def forget(self) -> None:
+        """What the matrix held is lost: the next one is made anew."""
+        self._stepping = None
+
     def add(self, A: PETSc.Mat, bcs: list) -> None:
         """Add what has changed."""
         self._domains[:] = [(mark, self.cells) for mark in self._marks]

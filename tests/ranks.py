@@ -174,6 +174,33 @@ def moving(dim: int, mapping, b_bar: bool = False, more: tuple = ()) -> dict:
     return {"points": {str(n): row.tolist() for n, row in zip(number, rows, strict=True)}}
 
 
+def settled(dim: int, mapping) -> dict:
+    """A body cut by grid lines comes to rest, and what its base bears."""
+    grid = grid_of(dim)
+    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: (x[0] < 1.2) & (x[1] < 1.2))
+    start = body.x.copy()
+    body.x[:, 0] += 0.03
+    base = "bottom" if dim == 2 else "back"
+    across = [] if dim == 2 else [Fixed(grid.facets("bottom"), "y")]
+    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets(base)), *across]
+    run = Simulation(grid, body, QuasiStatic(1), terms, mapping)
+    run.step()
+    left = run.settle(1e-5)  # a few steps
+    own = grid.space.dofmap.index_map.size_local
+    weight, borne = (grid.comm.allreduce(value) for value in (
+        9.81 * body.mass.sum(), run.balance()[0].reshape(-1, dim)[:own].sum(axis=0)[-1]))
+    assert left <= 1e-5 and abs(borne / weight - 1) < 1e-4 and run.holding.ties.P is not None
+    free = Simulation(grid, body, QuasiStatic(1), terms[:1], mapping)
+    try:
+        free.step()
+        heard = 0
+    except ValueError as error:
+        heard = int("nothing keeps the body from moving along x and y" in str(error))
+    rows = np.hstack((body.x, 1e-6 * body.stress))
+    return {"points": {key(x): row.tolist() for x, row in zip(start, rows, strict=True)},
+            "refused": {"": [grid.comm.allreduce(heard) / grid.comm.size]}}
+
+
 def rows_of(body: MaterialPoints) -> np.ndarray:
     """What points of a dynamic run carry, brought to sizes that compare."""
     return np.hstack((body.x, 1e-6 * body.stress, body.velocity, 1e-2 * body.acceleration))
@@ -418,6 +445,7 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
         cases[f"surfaces by hand {dim}D"] = surfaces_by_hand(dim)
         cases[f"moving {dim}D B-bar"] = moving(dim, DM_GC, b_bar=True)
         cases[f"moving {dim}D GhostPenalty"] = moving(dim, DM_GC, more=(GhostPenalty(),))
+        cases[f"settled {dim}D"] = settled(dim, DM_GC)
         cases[f"static twin {dim}D B-bar"] = twin(dim, QuasiStatic(3), b_bar=True)
         cases[f"layers {dim}D"] = layers(dim, finite=dim == 2)
         cases[f"twin {dim}D"] = twin(dim, Newmark(1e-3))

@@ -210,17 +210,18 @@ def test_without_it_gimp_loses_them():
 def test_nodes_that_only_a_dashpot_reaches_stay_with_the_body():
     """Surface points a hair outside the body: left alone, their far nodes turn the dashpot's velocity to zero."""
     moved = {}
-    for terms in ((), CURE):
+    for name, terms, hold in (("alone", (), False), ("penalty", CURE, True), ("ties", (), True)):
         run = block(2, 0.0, DM_GC, Newmark(DT), ())
         body = run.bodies[0]
         surface = body.surface("right")
         surface.x[:, 0] += 1e-6 * H
         body.velocity[:, 0] = 1.0
-        run = Simulation(run.grid, body, run.stepping, [Viscous(surface, SOIL), *terms], DM_GC)
+        run = Simulation(run.grid, body, run.stepping, [Viscous(surface, SOIL), *terms], DM_GC, hold_cut_cells=hold)
         run.step()
-        moved[len(terms)] = np.abs(run.motion.u.x.array).max()
-    assert moved[0] > 1e3 * DT
-    assert moved[1] < 2 * DT
+        moved[name] = np.abs(run.motion.u.x.array).max()
+    assert moved["alone"] > 1e3 * DT
+    assert moved["penalty"] < 2 * DT
+    assert moved["ties"] < 1.1 * DT
 
 
 @pytest.mark.parametrize(("given", "message"), [

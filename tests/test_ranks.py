@@ -68,6 +68,13 @@ def test_a_few_steps_lead_to_the_same_points(several, serial, dim, mapping):
     assert difference(several[case]["points"], serial[case]["points"]) < 1e-9
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_cut_body_comes_to_the_same_rest(several, serial, dim):
+    case = f"settled {dim}D"
+    assert difference(several[case]["points"], serial[case]["points"]) < 1e-9
+    assert several[case]["refused"] == serial[case]["refused"] == {"": [1.0]}
+
+
 @pytest.mark.parametrize("case", ["twin 2D", "twin 3D", "static twin 2D", "static twin 3D",
                                   "static twin 2D B-bar", "static twin 3D B-bar"])
 def test_the_finite_element_twin_is_the_same(several, serial, case):

@@ -1,0 +1,164 @@
+"""Light nodes of cut cells: what ties keep, and that bodies of any shape come to rest and stay there."""
+
+import dense
+import numpy as np
+import pytest
+from slopes import BODIES, SOIL, WEAK, WEAK_BLOCK, AtRest
+
+from mpm_fenicsx import (
+    DM_G,
+    DM_GC,
+    DM_GCL,
+    GIMP,
+    Fixed,
+    GhostPenalty,
+    Gravity,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    RunError,
+    Simulation,
+    Viscous,
+)
+
+MAPPINGS = [GIMP, DM_G, DM_GC, DM_GCL]
+
+
+def cut_block(dim, cut, stepping, terms=(), mapping=DM_GC, soil=SOIL, **options):
+    """Three cells each way and ``cut`` of a cell more, with room around, on lines that are not even."""
+    lines = np.array([-0.5, -0.25, 0.0, 0.25, 0.55, 0.75, 1.0, 1.25])
+    grid = Grid.rectilinear([lines] * dim)
+    body = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: ((x > 0) & (x < 0.75)).all(axis=0))
+    body.x += cut * 0.25
+    run = Simulation(grid, body, stepping, [Gravity((0.0, -9.81, 0.0)[:dim]), *terms], mapping, **options)
+    run.prepare(0.0, 1e-3)
+    return run
+
+
+# -- what ties keep -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("cut", [1e-9, 1e-3, 0.3])
+def test_linear_motions_are_kept_and_so_are_forces_and_moments(dim, cut):
+    run = cut_block(dim, cut, Newmark(1e-3))
+    ties, f = run.holding.ties, run.equilibrium.force
+    x, nodal = run.grid.space.tabulate_dof_coordinates()[:, :dim], run.motion.nodal(f)
+    tied, rng = ties.tied.reshape(-1, dim)[:, 0], np.random.default_rng(0)
+    assert tied.sum() >= 4**dim - 3**dim
+    linear = x @ rng.normal(size=(dim, dim)) + rng.normal(size=dim)
+    nodal[:] = np.where(tied[:, None], rng.normal(size=x.shape), linear)
+    ties.follow(f)
+    np.testing.assert_allclose(nodal, linear, atol=1e-13)
+    force = rng.normal(size=x.shape)
+    nodal[:] = force
+    ties.pass_on(f)
+    assert (nodal[tied] == 0.0).all()
+    np.testing.assert_allclose(nodal.sum(axis=0), force.sum(axis=0), atol=1e-12)
+    np.testing.assert_allclose(x.T @ nodal, x.T @ force, atol=1e-12)
+
+
+def test_the_matrix_is_that_of_the_motions_left():
+    run = cut_block(2, 0.3, Newmark(1e-3))
+    run.equilibrium.assemble_tangent()
+    K, P = dense.dense(run.equilibrium.matrix), dense.dense(run.holding.ties.P)
+    used = ~(run.equilibrium.idle | run.holding.ties.tied)
+    found = dense.dense(run.equilibrium.part.matrix)
+    by_hand = (P.T @ K @ P)[np.ix_(used, used)]
+    assert len(found) == used.sum()
+    np.testing.assert_allclose(found, by_hand, atol=1e-12 * np.abs(by_hand).max())
+
+
+def test_where_no_cell_is_cut_there_is_nothing():
+    """No ties, and the matrix of blocks stays; with a term that holds cut cells, or told not to, not even the look."""
+    run = cut_block(2, 0.0, Newmark(1e-3))
+    assert run.holding.ties.P is None
+    run.equilibrium.assemble_tangent()
+    assert run.equilibrium.matrix.getType().endswith("baij")
+    for other in (cut_block(2, 0.3, Newmark(1e-3), [GhostPenalty()]),
+                  cut_block(2, 0.3, Newmark(1e-3), hold_cut_cells=False)):
+        assert other.holding is None and other.equilibrium.ties is None
+
+
+def test_bodies_of_unlike_density_are_full_alike():
+    """A light body beside a heavy one is not taken for a cut one."""
+    grid = Grid.box((0, 0), (4, 3), (4, 3))
+    heavy, light = (MaterialPoints.fill(grid, LinearElastic(20e6, 0.25, density), 4,
+                                        inside=lambda x, low=low: (x[0] > low) & (x[0] < low + 2) & (x[1] < 2))
+                    for low, density in ((0, 3000.0), (2, 30.0)))
+    run = Simulation(grid, [heavy, light], Newmark(1e-3), [Gravity((0.0, -9.81))])
+    run.step()
+    assert run.holding.ties.P is None
+    light.x[:, 1] += 0.3
+    run.prepare(0.0, 1e-3)
+    assert run.holding.ties.tied.reshape(-1, 2)[:, 0].sum() == 3
+
+
+def test_a_cut_block_falls_freely():
+    for dim in (2, 3):
+        run = cut_block(dim, 0.1, Newmark(1e-3))
+        run.step()
+        assert run.equilibrium._tied is not None
+        for body in run.bodies:
+            np.testing.assert_allclose(body.velocity[:, 1] / body.velocity[0, 1], 1.0, atol=1e-9)
+            assert np.abs(body.stress).max() < 1e-7
+
+
+# -- rest -----------------------------------------------------------------------------------------------------------
+
+
+CASES = [("slope", 0.3, DM_GC, SOIL), ("step", 0.15, GIMP, WEAK), ("embankment", 0.15, DM_G, SOIL),
+         ("block", 0.15, DM_GCL, WEAK_BLOCK), ("block", 0.0, DM_GC, SOIL)]
+NAMES = [f"{name}-{offset}-{mapping}-{type(soil).__name__}" for name, offset, mapping, soil in CASES]
+
+
+@pytest.mark.parametrize(("name", "offset", "mapping", "soil"), CASES, ids=NAMES)
+def test_any_body_settles_and_nothing_moves_when_its_edges_become_dashpots(name, offset, mapping, soil):
+    """The weight lies on the base to 1e-10; no velocity above 1e-4 gH/c."""
+    rest = AtRest(name, offset, mapping, soil)
+    assert rest.left <= 1e-10
+    assert np.abs(rest.borne()[1] - 1.0) < 1e-10
+    if soil is not SOIL:
+        assert 0.0 < (rest.body.history[:, 0] > 0.0).mean() < 0.9
+    run = rest.release()
+    for _ in range(60):
+        run.step()
+        assert rest.fastest() < 1e-4
+
+
+def test_left_alone_a_slope_does_not_settle_and_says_where():
+    grid = Grid.box((0, 0), (4, 2.5), (16, 10))
+    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] + x[1] < 3) & (x[1] < 2))
+    body.x += 0.3 * 0.25
+    run = Simulation(grid, body, QuasiStatic(1), [Gravity((0.0, -9.81)), Fixed(grid.facets("left"), "x"),
+                                                  Fixed(grid.facets("bottom"))], hold_cut_cells=False)
+    run.step()
+    with pytest.raises(RunError, match=r"out of balance by .* after 40 steps .* N at the node x="):
+        run.settle(steps=40)
+    assert run.equilibrium.strict == run.balance()[1]
+
+
+def test_the_strict_figure_stays():
+    """With every node on its own a settled body is out of balance where it is cut: 7e-3 of the forces at work."""
+    rest = AtRest("block", 0.15, DM_GC)
+    assert rest.static.balance()[1] < 1e-10 < 1e-4 < rest.static.equilibrium.strict
+
+
+def test_dashpots_that_drift_over_a_line_use_ties_and_leave_them():
+    grid = Grid.box((0, -1), (1, 3), (4, 16))
+    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[1] > 0) & (x[1] < 2))
+    body.velocity = np.tile([0.0, -50.0], (len(body), 1))
+    run = Simulation(grid, body, Newmark(1e-3), [Fixed(grid.facets("left", "right"), "x"),
+                                                 Viscous(body.surface("bottom"), LinearElastic(1e2, 0.0, 1.0))])
+    tied = []
+    for _ in range(8):
+        run.step()
+        tied.append(run.holding.ties.P is not None)
+    assert True in tied and False in tied
+    np.testing.assert_allclose(body.velocity[:, 1], -50.0, rtol=1e-3)
+
+
+def test_all_options_of_bodies_are_known():
+    assert set(case[0] for case in CASES) == set(BODIES)

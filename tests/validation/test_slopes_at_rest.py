@@ -1,0 +1,58 @@
+"""Case 11 on bodies of any shape: slope, step, embankment, block with free sides, each at three places on the grid.
+
+Exact: at rest the base bears the weight, and when it and the walls become dashpots that bear what they bore, nothing
+moves.
+"""
+
+import numpy as np
+import pytest
+from slopes import BODIES, SOIL, WEAK, WEAK_BLOCK, AtRest
+
+from mpm_fenicsx import DM_G, DM_GC, DM_GCL, GIMP
+
+pytestmark = pytest.mark.validation
+
+STEPS = 1000
+PLACES = (0.0, 0.15, 0.3)  # of a cell
+
+
+@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC, DM_GCL], ids=str)
+def test_it_settles_and_then_stays(name, mapping, record):
+    """Elastic, and von Mises that yields at the foot: the largest of both and of all places."""
+    weak = WEAK_BLOCK if name == "block" else WEAK
+    found = [stays(AtRest(name, offset, mapping, soil)) for offset in PLACES for soil in (SOIL, weak)]
+    judge(name, found, mapping, record)
+
+
+@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+def test_on_rollers(mapping, record):
+    judge("slope on rollers", [stays(AtRest("slope", 0.3, mapping, base="y"))], mapping, record)
+
+
+@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+def test_in_3d(mapping, record):
+    judge("slope in 3D", [stays(AtRest("slope", 0.3, mapping, dim=3), steps=200)], mapping, record)
+
+
+def stays(rest, steps=STEPS):
+    """What the base lacks of the weight, the largest velocity (of gH/c), and that of the later half of the steps where
+    it is larger than before."""
+    lacks, run, fastest = abs(rest.borne()[1] - 1.0), rest.release(), []
+    assert rest.left <= 1e-10
+    for _ in range(steps):
+        run.step()
+        fastest.append(rest.fastest())
+    early, late = np.max(fastest[: steps // 2]), np.max(fastest[steps // 2 :])
+    return lacks, max(early, late), late if late > early else 0.0
+
+
+def judge(name, found, mapping, record):
+    """No velocity above 1e-4 gH/c, and none that grows, but from nothing to the drift of what ``settle`` leaves, 1e-10
+    of the forces at work."""
+    lacks, fastest, grown = np.max(found, axis=0)
+    record(f"11 {name} at rest: weight that the base does not bear", mapping, lacks)
+    record(f"11 {name}, fixed edges to dashpots: largest velocity, of gH/c", mapping, fastest)
+    assert lacks < 1e-10
+    assert fastest < 1e-4
+    assert grown < 1e-8
