@@ -132,8 +132,8 @@ class MaterialPoints:
         ``inside`` maps x (dim, n), m, to bool (n,) and keeps the points of the body; ``jitter`` < 0.5 moves points
         at random by up to that fraction of their spacing.  Support domains move with the points, and then overlap: a
         uniform stress in 2D is off by 6 to 10 % (rms, DM-GC, ``jitter`` 0.3) with 4 points a cell, 2 to 4 % with 16 and
-        0.9 % with 64, and no finer grid makes that less.  Raises ``ValueError`` for a body without points, a ``per_cell``
-        that is no k^dim, or an ``inside`` of the wrong shape.
+        0.9 % with 64, and no finer grid makes that less.  Raises ``ValueError`` for a body without points, a
+        ``per_cell`` that is no k^dim, or an ``inside`` of the wrong shape.
         """
         if not hasattr(grid, "owned_cells"):
             raise ValueError(f"grid must be a Grid, such as Grid.box((0, 0), (2, 1), (20, 10)), got {grid!r}")
