@@ -287,6 +287,7 @@ def heard(body, stepping, material=None):
             FiniteElements(grid, material, stepping, [Fixed(grid.facets("bottom"))], b_bar=True)
         else:
             Simulation(grid, body(grid), stepping, [], b_bar=True)
+    said = [w for w in said if "b_bar" in str(w.message)]  # compilers say things, too
     assert all(w.filename == __file__ and w.category is UserWarning for w in said)
     return [str(w.message) for w in said]
 

@@ -1,0 +1,425 @@
+"""The start of a dynamic run: accelerations from the balance of forces, motion that is known, a step that changes."""
+
+import numpy as np
+import pytest
+from dolfinx import fem
+
+from mpm_fenicsx import (
+    DM_G,
+    DM_GC,
+    DM_GCL,
+    GIMP,
+    MAPPINGS,
+    MPM,
+    PAPER,
+    AccelerationCorrection,
+    Checkpoint,
+    DeadLoad,
+    Energy,
+    FiniteElements,
+    Fixed,
+    GeneralizedAlpha,
+    Gravity,
+    Grid,
+    Hencky,
+    InitialAcceleration,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    Probe,
+    QuasiStatic,
+    Simulation,
+    Traction,
+    Viscoelastic,
+    Viscous,
+    fenicsx,
+)
+
+SOIL = LinearElastic(young=20e6, poisson=0.3, density=1800.0)
+FINITE = Hencky(young=20e6, poisson=0.3, density=1800.0)
+STEPPINGS = [Newmark(5e-4), GeneralizedAlpha(5e-4, 0.7), GeneralizedAlpha(5e-4, 0.7, 0.7)]
+STEPPED = pytest.mark.parametrize("stepping", STEPPINGS, ids=["Newmark", "Bossak", "Chung-Hulbert"])
+WITH_DOMAINS = pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC, DM_GCL], ids=str)
+ZERO = InitialAcceleration.ZERO
+
+
+def within(dim, law=SOIL, room=1):
+    """A grid and a body in it with room all round."""
+    n = (6, 8, 4)[:dim]
+    grid = Grid.box((0.0,) * dim, tuple(0.25 * k for k in n), n)
+    inside = [(0.25 * room, 0.25 * (k - room)) for k in n]
+    return grid, MaterialPoints.fill(grid, law, 2**dim, lambda x: np.all(
+        [(low < x[d]) & (x[d] < high) for d, (low, high) in enumerate(inside)], axis=0))
+
+
+# -- accelerations of the balance of forces -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mapping", [*MAPPINGS, DM_GCL], ids=str)
+@pytest.mark.parametrize("law", [SOIL, FINITE], ids=["small", "finite"])
+def test_free_fall_is_exact_from_the_first_step(mapping, law):
+    """v = g t and u = ½ g t²; with zero at the start v/(g t) = 1 - 1/(2n)."""
+    for start, lack in ((InitialAcceleration.BALANCED, 0.0), (ZERO, 1.0)):
+        grid, body = within(2, law)
+        before = body.x[:, 1].copy()
+        run = Simulation(grid, body, Newmark(2e-3), [Gravity((0.0, -9.81))], mapping, initial_acceleration=start)
+        for n in range(1, 9):
+            run.step()
+            t = run.time
+            assert np.abs(body.velocity[:, 1] / (-9.81 * t) - (1 - lack / (2 * n))).max() < 1e-10
+            if not lack:
+                assert np.abs(body.x[:, 1] - before + 0.5 * 9.81 * t**2).max() < 1e-10 * 0.5 * 9.81 * t**2 + 1e-15
+
+
+@STEPPED
+@pytest.mark.parametrize("dim", [2, 3])
+def test_finite_elements_fall_freely(dim, stepping):
+    grid = Grid.box((0.0,) * dim, (1.0,) * dim, (3,) * dim)
+    for law in (SOIL, FINITE):
+        run = FiniteElements(grid, law, stepping, [Gravity((1.0, -9.81, 2.0)[:dim])])
+        for _ in range(3):
+            run.step()
+        v = run.motion.nodal(run.motion.v)
+        np.testing.assert_allclose(v, np.tile(run.time * np.array([1.0, -9.81, 2.0])[:dim], (len(v), 1)), rtol=1e-9)
+
+
+@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_G, DM_GC, DM_GCL], ids=str)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_sudden_load_gives_its_momentum_from_the_first_step(dim, mapping):
+    """Σ m v = F t and the centre of mass moves by ½ F t²/M, with a load that stays however its surface stretches."""
+    grid, body = within(dim)
+    load, surface = np.array([1e3, -3e3, 5e2])[:dim], body.surface("bottom")
+    force, mass = load * surface.area.sum(), body.mass.sum()
+    centre = body.mass @ body.x / mass
+    run = Simulation(grid, body, Newmark(5e-4), [DeadLoad(surface, tuple(load))], mapping)
+    for _ in range(10):
+        run.step()
+        t = run.time
+        np.testing.assert_allclose(body.mass @ body.velocity, force * t, rtol=1e-10)
+        way = force * t**2 / (2 * mass)
+        np.testing.assert_allclose(body.mass @ body.x / mass - centre, way, rtol=0, atol=1e-10 * np.abs(way).max() + 2e-14)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_finite_elements_take_a_sudden_load_whole(dim):
+    grid = Grid.box((0.0,) * dim, (1.0,) * dim, (3,) * dim)
+    load = np.array([1e3, -3e3, 5e2])[:dim]
+    run = FiniteElements(grid, SOIL, Newmark(5e-4), [Traction(grid.facets("top"), tuple(load))])
+    energy = run.record(Energy())
+    for _ in range(10):
+        run.step()
+    for d in range(dim):
+        momentum = fenicsx.assemble_scalar(fenicsx.compile_form(SOIL.density * run.motion.v[d] * grid.dx))
+        way = fenicsx.assemble_scalar(fenicsx.compile_form(run.displacement[d] * grid.dx))
+        assert momentum == pytest.approx(load[d] * run.time, rel=1e-10)
+        assert way == pytest.approx(load[d] * run.time**2 / 2 / SOIL.density, rel=1e-10)
+    assert np.abs(energy.lost).max() < 1e-10 * energy["work"][-1]
+
+
+def test_the_energy_of_a_sudden_load_closes():
+    """Points lose no more than the method does; half of the first step's work was nowhere before."""
+    def lost(**options):
+        grid, body = within(2)
+        run = Simulation(grid, body, Newmark(2.5e-4), [DeadLoad(body.surface("top"), (0.0, -1e3))], DM_GC, **options)
+        energy = run.record(Energy())
+        run.step()
+        return abs(energy.lost[-1] / energy["work"][-1])
+
+    assert lost() < 0.1 * lost(initial_acceleration=ZERO)
+
+
+def sudden(mapping, cells, start=InitialAcceleration.BALANCED, stepping=Newmark):
+    """Relative L2 error of u in the upper quarter of a column, the front of a sudden load being past it: u is
+    -p/Z (t - d/c) at the depth d."""
+    soil, length, p = LinearElastic(20e6, 0.0, 1500.0), 10.0, 10.0
+    c, h = soil.p_speed, length / cells
+    step, room = stepping(0.5 * h / c), 0 if mapping is None else 1
+    grid = Grid.box((0.0, 0.0), (h, length + room * h), (1, cells + room))
+    sides = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")]
+    options = {"initial_acceleration": start}
+    if mapping is None:
+        run = FiniteElements(grid, soil, step, [*sides, Traction(grid.facets("top"), (0.0, -p))], **options)
+        y = grid.space.tabulate_dof_coordinates()[:, 1]
+    else:
+        body = MaterialPoints.fill(grid, soil, 4, lambda x: x[1] < length)
+        y, terms = body.x[:, 1].copy(), [*sides, Traction(body.surface("top"), (0.0, -p))]
+        run = Simulation(grid, body, step, terms, mapping, **options)
+    for _ in range(round(0.6 * cells / 0.5)):
+        run.step()
+    u = run.motion.nodal(run.displacement)[:, 1] if mapping is None else body.x[:, 1] - y
+    near = length - y < 0.25 * length
+    exact = -p / (soil.density * c) * (run.time - (length - y) / c)
+    return np.linalg.norm((u - exact)[near]) / np.linalg.norm(exact[near])
+
+
+@WITH_DOMAINS
+def test_a_load_that_starts_at_once_is_of_second_order_behind_its_front(mapping):
+    """Of first order with zero at the start: half a step of the load is missing for ever."""
+    assert np.log2(sudden(mapping, 40) / sudden(mapping, 80)) > 1.8
+    assert np.log2(sudden(mapping, 40, ZERO) / sudden(mapping, 80, ZERO)) == pytest.approx(1.0, abs=0.1)
+
+
+def test_finite_elements_ring_after_a_load_that_starts_at_once():
+    """The fastest mode, of amplitude p h/ρc², rings on undamped and fades as (h/ct)^½: order 1.5 at best, and more
+    where it is damped."""
+    assert np.log2(sudden(None, 40) / sudden(None, 160)) / 2 == pytest.approx(1.3, abs=0.2)
+    assert sudden(None, 160) < 0.06 * sudden(None, 160, ZERO)
+    assert np.log2(sudden(None, 40, stepping=GeneralizedAlpha) / sudden(None, 80, stepping=GeneralizedAlpha)) > 1.8
+
+
+def test_points_that_bring_an_acceleration_keep_it():
+    grid, body = within(2)
+    body.acceleration = np.tile((0.0, 5.0), (len(body), 1))
+    run = Simulation(grid, body, Newmark(1e-3), [])
+    run.step()
+    assert np.abs(body.velocity[:, 1] - 2.5e-3).max() < 1e-9  # v += ½ Δt (5 + 0)
+
+
+def test_a_body_at_rest_on_its_load_starts_with_no_acceleration():
+    grid = Grid.box((0.0, 0.0), (1.0, 1.25), (4, 5))
+    body = MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] < 1.0)
+    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y"), Gravity((0.0, -9.81)),
+             Traction(body.surface("top"), (0.0, -1e3))]
+    static = Simulation(grid, body, QuasiStatic(1), terms)
+    static.until(1.0)
+    static.settle()
+    run = Simulation(grid, body, Newmark(1e-3), terms)
+    run.step()
+    assert np.abs(body.acceleration).max() < 1e-6 * 9.81
+
+
+def test_dashpots_and_springs_count_at_the_start():
+    """A free body that moves at v against a dashpot: M a = -Z A v, all of it on the first step."""
+    grid, body = within(2)
+    body.velocity = np.tile((0.0, -1e-3), (len(body), 1))
+    surface = body.surface("bottom")
+    run = Simulation(grid, body, Newmark(1e-5), [Viscous(surface, SOIL)], MPM, sweeps=0)
+    run.begin()
+    force = SOIL.density * SOIL.p_speed * surface.area.sum() * 1e-3
+    assert body.mass @ body.acceleration[:, 1] == pytest.approx(force, rel=1e-9)
+
+
+# -- motion that is known -----------------------------------------------------------------------------------------
+
+
+OMEGA, SIZE = 2 * np.pi * 8.0, 1e-4
+
+
+def u_of(t):
+    return SIZE * (OMEGA * t - np.sin(OMEGA * t))
+
+
+def v_of(t):
+    return SIZE * OMEGA * (1.0 - np.cos(OMEGA * t))
+
+
+def a_of(t):
+    return SIZE * OMEGA**2 * np.sin(OMEGA * t)
+
+
+GIVEN = {"value": {"value": u_of}, "all": {"value": u_of, "velocity": v_of, "acceleration": a_of},
+         "record": {"acceleration": a_of}}
+
+
+def shaken(mapping, stepping, given, height=4.0, h=0.25):
+    """A column on a base that moves."""
+    grid = Grid.box((0.0, 0.0), (h, height + h * (mapping is not None)), (1, round(height / h) + (mapping is not None)))
+    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y", **GIVEN[given])]
+    if mapping is None:
+        return FiniteElements(grid, SOIL, stepping, terms)
+    return Simulation(grid, MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] < height), stepping, terms, mapping)
+
+
+@STEPPED
+@pytest.mark.parametrize("given", GIVEN)
+def test_a_base_has_the_motion_that_it_is_given(given, stepping):
+    """Finite elements: to 1e-10 what is given, and of second order what is derived or integrated from it."""
+    run = shaken(None, stepping, given)
+    base = run.grid.space.tabulate_dof_coordinates()[:, 1] < 1e-9
+    known = {"value": (1e-10, 5e-3, 5e-3), "all": (1e-10, 1e-10, 1e-10), "record": (5e-3, 5e-3, 1e-10)}[given]
+    for _ in range(40):
+        run.step()
+        t, found = run.time, (run.displacement, run.motion.v, run.motion.a)
+        sizes = SIZE, SIZE * OMEGA, SIZE * OMEGA**2
+        for field, exact, size, allowed in zip(found, (u_of, v_of, a_of), sizes, known, strict=True):
+            assert np.abs(run.motion.nodal(field)[base, 1] - exact(t)).max() < allowed * size * max(1.0, OMEGA * t)
+
+
+@WITH_DOMAINS
+@pytest.mark.parametrize("given", GIVEN)
+def test_points_follow_a_base_that_moves(given, mapping):
+    """v(y, t) = v(t - y/c) until the wave comes back from the top, to 1.5 %."""
+    c = SOIL.p_speed
+    run = shaken(mapping, Newmark(0.5 * 0.25 / c), given)
+    body, = run.bodies
+    low = body.x[:, 1] < 0.1
+    y, found, exact = body.x[low, 1].mean(), [], []
+    while run.time < 1.9 * 4.0 / c:
+        run.step()
+        found.append(body.velocity[low, 1].mean())
+        exact.append(v_of(run.time - y / c))
+    assert np.linalg.norm(np.subtract(found, exact)) < 0.015 * np.linalg.norm(exact)
+
+
+def test_what_is_flung_at_a_fixed_base_comes_to_rest_there():
+    """Behind the front v = 0 and σ = -ρ c v₀; accelerations there were twenty times those of a smooth front."""
+    h, v0, c = 0.25, 1e-3, SOIL.p_speed
+    grid = Grid.box((0.0, 0.0), (h, 8.25), (1, 33))
+    body = MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] < 8.0)
+    body.velocity = np.tile((0.0, -v0), (len(body), 1))
+    run = Simulation(grid, body, Newmark(0.5 * h / c),
+                     [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")])
+    low = body.x[:, 1] < 0.1
+    run.until(40 * run.stepping.dt)
+    assert np.abs(body.velocity[low, 1]).max() < 0.05 * v0
+    assert np.abs(body.acceleration[low, 1]).max() < 0.01 * v0 / run.stepping.dt
+    np.testing.assert_allclose(body.stress[low, 1], -SOIL.density * c * v0, rtol=0.01)
+
+
+def test_a_velocity_that_is_linear_in_space_is_left_as_it_is_at_supports():
+    """Stretching from a fixed base keeps its momentum but for what the base takes in stress."""
+    grid = Grid.box((0.0, 0.0), (0.5, 2.25), (2, 9))
+    soft = LinearElastic(1e-3, 0.0, 1500.0)
+    body = MaterialPoints.fill(grid, soft, 4, lambda x: x[1] < 2.0)
+    body.velocity = np.stack((0.0 * body.x[:, 1], 1e-3 * body.x[:, 1]), axis=1)
+    before = body.velocity.copy()
+    run = Simulation(grid, body, Newmark(1e-4), [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))])
+    for _ in range(20):
+        run.step()
+    np.testing.assert_allclose(body.velocity, before, rtol=0, atol=1e-4 * before.max())
+
+
+@pytest.mark.parametrize("bad, match", [
+    ({"velocity": v_of}, "Fixed takes value, or value with velocity and acceleration, or acceleration alone"),
+    ({"value": u_of, "velocity": v_of}, "got value and velocity"),
+    ({"value": u_of, "acceleration": a_of}, "got value and acceleration")])
+def test_functions_that_do_not_make_a_motion_are_refused(bad, match):
+    grid, body = within(2)
+    with pytest.raises(ValueError, match=match):
+        Simulation(grid, body, Newmark(1e-3), [Fixed(grid.facets("bottom"), "y", **bad)])
+    with pytest.raises(ValueError, match="acceleration of Fixed is for dynamics"):
+        Simulation(grid, body, QuasiStatic(3), [Fixed(grid.facets("bottom"), "y", acceleration=a_of)])
+
+
+def test_a_record_goes_on_after_a_restart(tmp_path):
+    ends = []
+    for again in (False, True):
+        run = shaken(DM_GC, Newmark(1e-3), "record", height=1.0)
+        run.record(Checkpoint(tmp_path / "state.npz", every=5))
+        if again:
+            run.restart(tmp_path / "half.npz")
+        run.until(5e-3)
+        if not again:
+            (tmp_path / "state.npz").rename(tmp_path / "half.npz")
+        run.until(1e-2)
+        ends.append(np.hstack((run.bodies[0].x, run.bodies[0].velocity)))
+    np.testing.assert_array_equal(*ends)
+
+
+# -- a step that changes --------------------------------------------------------------------------------------------
+
+
+def sprung(kind, stepping):
+    """A column on springs under a load of t."""
+    grid = Grid.box((0.0, -0.25), (0.25, 1.25), (1, 6)) if kind else Grid.box((0.0, 0.0), (0.25, 1.0), (1, 4))
+    times, sides = [], [Fixed(grid.facets("left", "right"), "x")]
+
+    def load(t):
+        times.append(t)
+        return 0.0, -1e3 * np.sin(40.0 * t)
+
+    if kind is None:
+        return FiniteElements(grid, SOIL, stepping, [*sides, Viscoelastic(grid.facets("bottom"), SOIL, 1.0),
+                                                     Traction(grid.facets("top"), load)]), times
+    body = MaterialPoints.fill(grid, SOIL, 4, lambda x: (x[1] > 0.0) & (x[1] < 1.0))
+    return Simulation(grid, body, stepping, [*sides, Viscoelastic(body.surface("bottom"), SOIL, 1.0),
+                                             Traction(body.surface("top"), load)], kind), times
+
+
+@pytest.mark.parametrize("kind", [None, DM_GC], ids=["FE", "points"])
+def test_time_goes_on_when_the_step_changes(kind):
+    """Loads are asked onwards, springs keep what they have; the end is that of short steps to their order."""
+    run, times = sprung(kind, Newmark(1e-3))
+    probe = run.record(Probe("displacement", (0.125, 0.5)))
+    run.until(0.02)
+    run.change_step(Newmark(5e-4))
+    assert run.time == pytest.approx(0.02)
+    times.clear()
+    run.step()
+    assert min(times) >= 0.02 and run.time == pytest.approx(0.0205)
+    run.until(0.04)
+    assert len(probe.times) == 61 and (np.diff(probe.times) > 0).all()
+    short, _ = sprung(kind, Newmark(5e-4))
+    other = short.record(Probe("displacement", (0.125, 0.5)))
+    short.until(0.04)
+    assert probe.values[-1, 1] == pytest.approx(other.values[-1, 1], rel=0.01)
+
+
+def test_a_step_is_not_to_be_assigned_and_not_to_lose_its_inertia(tmp_path):
+    run, _ = sprung(DM_GC, Newmark(1e-3))
+    with pytest.raises(AttributeError, match=r"use run\.change_step\(Newmark\(dt=0\.0005"):
+        run.stepping = Newmark(5e-4)
+    for other in (QuasiStatic(3), GeneralizedAlpha(1e-3, 0.8, 0.5)):
+        with pytest.raises(ValueError, match="make another run of its points"):
+            run.change_step(other)
+    with pytest.raises(ValueError, match="stepping must be a Newmark"):
+        run.change_step(5e-4)
+
+
+def test_a_run_whose_step_has_changed_can_be_restarted(tmp_path):
+    ends = []
+    for again in (False, True):
+        run, _ = sprung(DM_GC, Newmark(1e-3))
+        run.record(Checkpoint(tmp_path / ("b.npz" if again else "a.npz"), every=1))
+        if again:
+            run.change_step(Newmark(5e-4))
+            run.restart(tmp_path / "half.npz")
+        else:
+            run.until(0.005)
+            run.change_step(Newmark(5e-4))
+            run.until(0.0075)
+            (tmp_path / "a.npz").rename(tmp_path / "half.npz")
+        assert run.time == pytest.approx(0.0075)
+        run.until(0.01)
+        ends.append(run.bodies[0].x.copy())
+    np.testing.assert_array_equal(*ends)
+
+
+# -- what was chosen ------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("courant, sweeps", [(0.5, 2), (1.0, 2), (1.2, 1), (5.0, 1)])
+def test_a_run_says_what_was_chosen_for_it(courant, sweeps):
+    grid, body = within(2)
+    run = Simulation(grid, body, Newmark(courant * 0.25 / SOIL.p_speed), [Gravity((0.0, -9.81))])
+    said = str(run)
+    assert f"Courant number of P waves: {courant:.3g}" in said
+    assert f"implicit; sweeps: {sweeps} (chosen by the Courant number)" in said
+    assert "initial acceleration: balanced" in said and "term: Gravity" in said
+
+
+def test_the_papers_step_is_a_preset():
+    """No sweep, no correction, zero at the start: v/(g t) = 1 - 1/(2n), and nothing is kept for what is not there."""
+    grid, body = within(2)
+    run = Simulation(grid, body, Newmark(1e-3), [Gravity((0.0, -9.81))], **PAPER)
+    run.step()
+    assert np.abs(body.velocity[:, 1] / (-9.81 * run.time) - 0.5).max() < 1e-9
+    assert run.correction_kind is AccelerationCorrection.OFF and run.correction is None
+    assert run.deposit.sweeps == 0 and run.supports is None
+
+
+def test_the_initial_acceleration_is_that_of_the_mass_matrix():
+    """Finite elements: M a = P by hand, supports known."""
+    grid = Grid.box((0.0, 0.0), (1.0, 1.0), (3, 2))
+    run = FiniteElements(grid, SOIL, Newmark(1e-3), [Fixed(grid.facets("bottom")), Gravity((3.0, -9.81)),
+                                                     Traction(grid.facets("top"), (1e3, 2e3))])
+    run.begin()
+    a = fem.Function(grid.space)
+    a.x.array[:] = run.motion.a.x.array
+    scene, w = run.scene, run.motion.w
+    left = sum(c.force for c in run.contributions if c.force) + SOIL.density * (a[0] * w[0] + a[1] * w[1]) * scene.dx
+    residual = fem.Function(grid.space)
+    fenicsx.assemble_vector(residual, fenicsx.compile_form(left))
+    free = ~run.equilibrium.fixed
+    assert np.abs(residual.x.array[free]).max() < 1e-9 * 1e3
+    assert np.abs(a.x.array[~free]).max() == 0.0
