@@ -97,7 +97,8 @@ def test_a_sudden_load_gives_its_momentum_from_the_first_step(dim, mapping):
         t = run.time
         np.testing.assert_allclose(body.mass @ body.velocity, force * t, rtol=1e-10)
         way = force * t**2 / (2 * mass)
-        np.testing.assert_allclose(body.mass @ body.x / mass - centre, way, rtol=0, atol=1e-10 * np.abs(way).max() + 2e-14)
+        moved = body.mass @ body.x / mass - centre
+        np.testing.assert_allclose(moved, way, rtol=0, atol=1e-10 * np.abs(way).max() + 2e-14)  # of places of 1 m
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -117,7 +118,7 @@ def test_finite_elements_take_a_sudden_load_whole(dim):
 
 
 def test_the_energy_of_a_sudden_load_closes():
-    """Points lose no more than the method does; half of the first step's work was nowhere before."""
+    """Of the first step's work less than a tenth is nowhere; with zero at the start it is more than a half."""
     def lost(**options):
         grid, body = within(2)
         run = Simulation(grid, body, Newmark(2.5e-4), [DeadLoad(body.surface("top"), (0.0, -1e3))], DM_GC, **options)
@@ -125,7 +126,8 @@ def test_the_energy_of_a_sudden_load_closes():
         run.step()
         return abs(energy.lost[-1] / energy["work"][-1])
 
-    assert lost() < 0.1 * lost(initial_acceleration=ZERO)
+    assert lost() < 0.1
+    assert lost(initial_acceleration=ZERO) > 0.5
 
 
 def sudden(mapping, cells, start=InitialAcceleration.BALANCED, stepping=Newmark):
@@ -283,7 +285,8 @@ def test_a_velocity_that_is_linear_in_space_is_left_as_it_is_at_supports():
     body = MaterialPoints.fill(grid, soft, 4, lambda x: x[1] < 2.0)
     body.velocity = np.stack((0.0 * body.x[:, 1], 1e-3 * body.x[:, 1]), axis=1)
     before = body.velocity.copy()
-    run = Simulation(grid, body, Newmark(1e-4), [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))])
+    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
+    run = Simulation(grid, body, Newmark(1e-4), terms)
     for _ in range(20):
         run.step()
     np.testing.assert_allclose(body.velocity, before, rtol=0, atol=1e-4 * before.max())
