@@ -1,7 +1,8 @@
 """Case 11 on bodies of any shape: slope, step, embankment, block with free sides, each at three places on the grid.
 
 Exact: at rest the base bears the weight, and when it and the walls become dashpots that bear what they bore, nothing
-moves.
+moves.  A block that stands on dashpots and on what its base bore, with no springs, tilts for good: the moment of its
+weight m g H/2 θ against the dashpots' Z W³/12 dθ/dt gives exp(0.83 t/s) here, which is seen to grow from 1e-11.
 """
 
 import numpy as np
