@@ -190,8 +190,8 @@ class Equilibrium:
         motion.u.x.array[:] = 0.0
         return found
 
-    def initial_force(self, internal: np.ndarray) -> np.ndarray:
-        """P - F - Z v (dofs,), N, at the start of the step, of every node on its own; ``internal`` (dofs,), N, as in
+    def initial_force(self, internal: np.ndarray) -> fem.Function:
+        """P - F - Z v, N, at the start of the step, of every node on its own; ``internal`` (dofs,), N, as in
         ``solve``."""
         with self.motion.vanishing_step():
             self._clear()
@@ -200,7 +200,7 @@ class Equilibrium:
         self.force.x.array[:] = force
         self.force.x.array[self.fixed] = 0.0
         fenicsx.share(self.force)
-        return self.force.x.array.copy()
+        return self.force
 
     def _clear(self) -> None:
         self.motion.clear()

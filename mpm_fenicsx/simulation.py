@@ -170,7 +170,8 @@ class Simulation(Run):
         self.prepare(self.time, self.time)
         self.predict()
         force = self.equilibrium.initial_force(self._internal_force())
-        nodal = self.deposit.acceleration(force.reshape(-1, self.grid.dim))
+        ties = None if self.holding is None or self.holding.ties.P is None else self.holding.ties
+        nodal = self.deposit.acceleration(force, ties)
         for body, stencil in zip(self.bodies, self.stencils, strict=True):
             if any(body is one for one in unmoved):
                 body.acceleration[:] = stencil.at_points(nodal)

@@ -155,6 +155,18 @@ class Ties:
         """The same, and none is left where motion is known."""
         self._apply(self.free.multTranspose, f)
 
+    def divide(self, force: fem.Function, mass: np.ndarray) -> None:
+        """Forces (N) become accelerations of lumped ``mass`` (nodes,), kg; light nodes hand both to those they are tied
+        to, and follow these."""
+        shared = fem.Function(force.function_space)
+        shared.x.array[:] = np.repeat(mass, self.grid.dim)
+        self.pass_on(force)
+        self.pass_on(shared)
+        there = shared.x.array > 0.0
+        np.divide(force.x.array, shared.x.array, out=force.x.array, where=there)
+        force.x.array[~there] = 0.0
+        self.follow(force)
+
     def hand_over(self, values: np.ndarray, givers: np.ndarray, takers: np.ndarray) -> np.ndarray:
         """Nodal values (nodes,) after light nodes among ``givers`` (nodes,) gave theirs to ``takers`` on a line with
         them; on one rank."""

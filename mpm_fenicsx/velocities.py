@@ -14,6 +14,7 @@ from .kernels import jit
 from .motion import Motion
 from .points import MaterialPoints
 from .shapes import Stencil
+from .ties import Ties
 from .time_stepping import Newmark
 
 
@@ -51,11 +52,16 @@ class Deposit:
         self.motion.nodal(self.motion.v)[:] = velocity
         self.motion.nodal(self.motion.a)[:] = acceleration
 
-    def acceleration(self, force: np.ndarray) -> np.ndarray:
-        """Nodal accelerations (nodes, dim) of forces (nodes, dim), N, by the same mass and sweeps."""
-        nodal = self._sums.x.array.reshape(len(force), -1)
+    def acceleration(self, force: fem.Function, ties: Ties | None) -> np.ndarray:
+        """Nodal accelerations (nodes, dim) of forces (N) by the same mass and, where no node is tied, sweeps."""
+        found = self.motion.nodal(force)
+        if ties is not None:
+            ties.divide(force, self.mass)
+            self.motion.know_start(np.zeros_like(found), found)
+            return found
+        nodal = self._sums.x.array.reshape(len(found), -1)
         nodal[:] = 0.0
-        nodal[:, 0], nodal[:, 1 + self.motion.grid.dim :] = self.mass, force
+        nodal[:, 0], nodal[:, 1 + self.motion.grid.dim :] = self.mass, found
         return self._divided(nodal)[1].copy()
 
     def _divided(self, nodal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
