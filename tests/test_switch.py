@@ -118,19 +118,21 @@ def test_in_3d_nothing_moves_either(mapping):
     assert np.abs(column.velocity(run)).max() < 1e-9 * column.speed
 
 
-@pytest.mark.parametrize(("mapping", "scatter"), [(None, 0.02), (GIMP, 1e-3), (DM_GC, 0.03), (DM_GCL, 1e-3)],
+@pytest.mark.parametrize(("mapping", "scatter"), [(None, 2e-3), (GIMP, 1e-3), (DM_GC, 0.03), (DM_GCL, 1e-3)],
                          ids=lambda value: str(value or "FE"))
 def test_without_its_reactions_the_column_drifts(mapping, scatter):
     """At σ/(ρc) everywhere, once the unloading has been to the top and back.
 
-    Where its base has come past a grid line points scatter about that, but where stress is linear over domains.
+    Where its base has come past a grid line points scatter about that, but where stress is linear over domains.  In
+    finite elements the fastest mode, which a load that goes at once excites, rings on at the base: means of the column.
     """
     column = Column(mapping)
     surfaces = column.surfaces(walls=False)
     run = column.release(surfaces, [Viscous(s, SOIL) for s in surfaces])
     run.until(0.2)
     assert run.time > 3 * (2 * column.height / SOIL.p_speed)
-    np.testing.assert_allclose(column.velocity(run)[:, 1], -column.speed, rtol=scatter)
+    found = column.velocity(run)[:, 1]
+    np.testing.assert_allclose(found.mean() if mapping is None else found, -column.speed, rtol=scatter)
 
 
 # -- what the tractions are -----------------------------------------------------------------------------------------
