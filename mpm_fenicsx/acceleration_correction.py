@@ -10,6 +10,7 @@ from dolfinx import fem
 
 from . import fenicsx
 from .equilibrium import Equilibrium
+from .internal_force import ConstantStress, LinearStress
 from .points import MaterialPoints
 from .shapes import Stencil
 from .velocities import Deposit
@@ -35,8 +36,8 @@ class Correction:
     with forces that do not fit it, and waves lose energy in proportion to Δt, the more so where K locks.
     """
 
-    def __init__(self, equilibrium: Equilibrium):
-        self._equilibrium = equilibrium
+    def __init__(self, equilibrium: Equilibrium, stress: ConstantStress | LinearStress):
+        self._equilibrium, self._stress = equilibrium, stress
         equilibrium.foresee()
         self._force = fem.Function(equilibrium.motion.grid.space)
 
@@ -52,7 +53,7 @@ class Correction:
         equilibrium.add_foreseen(self._force)
         np.negative(force, out=force)
         for body, stencil, change in zip(bodies, stencils, changes, strict=True):
-            stencil.deposit_divergence(body.volume[:, None, None] * change, force)
+            self._stress.add_stress(body, stencil, change, force)
         fenicsx.gather(self._force)
         self._force.x.array[equilibrium.fixed] = 0.0
         change = self._acceleration(self._force.x.array).reshape(force.shape)
@@ -71,8 +72,8 @@ class LumpedCorrection(Correction):
     neither gains nor loses while (κ - k) Δt² / 4m <= 1.
     """
 
-    def __init__(self, equilibrium: Equilibrium, deposit: Deposit):
-        super().__init__(equilibrium)
+    def __init__(self, equilibrium: Equilibrium, stress: ConstantStress | LinearStress, deposit: Deposit):
+        super().__init__(equilibrium, stress)
         self._deposit = deposit
 
     def _acceleration(self, force: np.ndarray) -> np.ndarray:
@@ -96,11 +97,12 @@ class ImplicitCorrection(Correction):
         return self._equilibrium.response(force) / (stepping.beta * stepping.dt**2)
 
 
-def correction_of(kind: AccelerationCorrection, equilibrium: Equilibrium, deposit: Deposit) -> Correction | None:
+def correction_of(kind: AccelerationCorrection, equilibrium: Equilibrium, stress: ConstantStress | LinearStress,
+                  deposit: Deposit) -> Correction | None:
     """The correction of a kind; None for no correction."""
     match kind:
         case AccelerationCorrection.LUMPED:
-            return LumpedCorrection(equilibrium, deposit)
+            return LumpedCorrection(equilibrium, stress, deposit)
         case AccelerationCorrection.IMPLICIT:
-            return ImplicitCorrection(equilibrium)
+            return ImplicitCorrection(equilibrium, stress)
     return None

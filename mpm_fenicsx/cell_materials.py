@@ -15,6 +15,7 @@ from .entry import enter
 from .grid import Grid
 from .kernels import digits
 from .kinematics import FINITE_STRAIN
+from .law_checks import check_law
 from .partition import anywhere
 from .points import MaterialPoints
 from .shapes import Stencil
@@ -107,6 +108,8 @@ class CellMaterials:
         if _is_material(given):
             return cls(grid, [given], np.zeros(grid.cells, dtype=np.int64))
         listed = isinstance(given, Iterable) and not isinstance(given, (str, type))
+        if not listed:
+            check_law(given, grid.dim, "update")
         entries = list(given) if listed else []
         if entries and all(isinstance(entry, MaterialPoints) for entry in entries):
             return cls(grid, [body.material for body in entries], _of_bodies(grid, entries))

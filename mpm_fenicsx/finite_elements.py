@@ -23,7 +23,7 @@ from .law_checks import check_law
 from .meeting_supports import refuse_disagreement
 from .motion import Motion
 from .newton import Newton
-from .options import InitialAcceleration
+from .options import InitialAcceleration, check_start
 from .run import Run
 from .scene import Scene
 from .scene_checks import check_options
@@ -59,6 +59,7 @@ class FiniteElements(Run):
                  initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED):
         super().__init__("FE", grid, stepping, terms)
         check_options(newton, solver, reassemble=reassemble, b_bar=b_bar)
+        check_start(initial_acceleration)
         materials = self.materials = CellMaterials.of(grid, material)
         for law in materials.materials:
             check_law(law, grid.dim, "update")

@@ -8,6 +8,7 @@ import math
 import numpy as np
 from dolfinx import fem
 
+from .cell_materials import CellMaterials
 from .grid import GridSurface
 from .loads import numbers
 from .points import SurfacePoints
@@ -27,6 +28,8 @@ def described(thing) -> str:
         return f"facets {', '.join(thing.names)}"
     if isinstance(thing, SurfacePoints):
         return "surface points"  # places and areas are part of the state, and compared there
+    if isinstance(thing, CellMaterials):
+        return repr(thing)
     if isinstance(thing, fem.Function):
         return f"field {_fingerprint(thing.x.array)}"
     if isinstance(thing, type):

@@ -26,8 +26,11 @@ class ConstantStress:
     def add(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil], internal: np.ndarray) -> None:
         """Add the force of all bodies to ``internal`` (nodes, dim), N."""
         for body, stencil in zip(bodies, stencils, strict=True):
-            stress = tensors.matrix(body.stress, self.grid.dim)
-            stencil.deposit_divergence(body.volume[:, None, None] * stress, internal)
+            self.add_stress(body, stencil, tensors.matrix(body.stress, self.grid.dim), internal)
+
+    def add_stress(self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray, internal: np.ndarray) -> None:
+        """Add that of a stress (n, dim, dim), Pa, in place of the body's own."""
+        stencil.deposit_divergence(body.volume[:, None, None] * stress, internal)
 
 
 class LinearStress:
@@ -58,18 +61,32 @@ class LinearStress:
 
     def add(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil], internal: np.ndarray) -> None:
         """Add the force of all bodies to ``internal`` (nodes, dim), N."""
+        for body, stencil in zip(bodies, stencils, strict=True):
+            self._add(body, stencil, np.ascontiguousarray(body.stress[:, self._columns]), internal)
+
+    def add_stress(self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray, internal: np.ndarray) -> None:
+        """Add that of a stress (n, dim, dim), Pa, in place of the body's own; what of it is skew is constant."""
+        turned = stress.transpose(0, 2, 1)
+        columns = np.empty((len(stress), len(self._columns)))
+        for (i, j), column in np.ndenumerate(self._at):
+            columns[:, column] = 0.5 * (stress[:, i, j] + stress[:, j, i])
+        self._add(body, stencil, columns, internal)
+        skew = 0.5 * (stress - turned)
+        if skew.any():
+            stencil.deposit_divergence(body.volume[:, None, None] * skew, internal)
+
+    def _add(self, body: MaterialPoints, at: Stencil, stress: np.ndarray, internal: np.ndarray) -> None:
+        """Add the force of stress rows (n, columns), Pa."""
         grid, lat = self.grid, self.grid.lattice
-        for body, at in zip(bodies, stencils, strict=True):
-            stress = np.ascontiguousarray(body.stress[:, self._columns])
-            self._mean[:] = 0.0
-            _sum(grid.axes, at.reach, once(stress.shape[1]), lat.around, at.first, at.line, body.volume, stress, body.x,
-                 self._mean)
-            if self._shared is not None:
-                fenicsx.gather(self._shared)  # a node's points lie on several ranks
-            _divide(self._mean)
-            _pull(grid.axes, at.reach, once(stress.shape[1]), self._at, at.side, at.span, at.share, at.cell, lat.lower,
-                  lat.upper, lat.neighbour, lat.nodes, lat.around, at.first, at.line, at.slope, body.volume, body.x,
-                  stress, self._mean, internal)
+        self._mean[:] = 0.0
+        _sum(grid.axes, at.reach, once(stress.shape[1]), lat.around, at.first, at.line, body.volume, stress, body.x,
+             self._mean)
+        if self._shared is not None:
+            fenicsx.gather(self._shared)  # a node's points lie on several ranks
+        _divide(self._mean)
+        _pull(grid.axes, at.reach, once(stress.shape[1]), self._at, at.side, at.span, at.share, at.cell, lat.lower,
+              lat.upper, lat.neighbour, lat.nodes, lat.around, at.first, at.line, at.slope, body.volume, body.x,
+              stress, self._mean, internal)
 
 
 @jit

@@ -9,6 +9,7 @@ from enum import Enum
 from mpi4py import MPI
 
 from .acceleration_correction import AccelerationCorrection
+from .checks import an_object
 from .grid import Grid
 from .mapping import DM_GC, Mapping
 from .points import MaterialPoints
@@ -19,9 +20,6 @@ SHORT = 1.0 + 1e-9
 """Courant number up to which two sweeps are taken: above, they feed what crosses cells more than they save of waves
 (studies/numerical_damping.py)."""
 
-TRANSITS = 4.0
-
-
 class InitialAcceleration(Enum):
     """The acceleration that a dynamic run starts with, where points or nodes bring none.
 
@@ -31,6 +29,12 @@ class InitialAcceleration(Enum):
 
     BALANCED = "balanced"
     ZERO = "zero"
+
+
+def check_start(initial_acceleration) -> None:
+    """Raise ``ValueError`` for what is no ``InitialAcceleration``."""
+    an_object("initial_acceleration", initial_acceleration, InitialAcceleration,
+              "InitialAcceleration.BALANCED or InitialAcceleration.ZERO")
 
 
 PAPER = {"mapping": replace(DM_GC, mass=DOUBLE_MAPPED), "sweeps": 0, "correction": AccelerationCorrection.OFF,
@@ -57,9 +61,3 @@ def chosen_sweeps(mapping: Mapping, correction: AccelerationCorrection, courant:
     """Two for short steps that are corrected, with integrals at Gauss points; one for others."""
     corrected = correction is AccelerationCorrection.IMPLICIT and mapping.integrate is DOUBLE_MAPPED
     return 2 if corrected and courant <= SHORT else 1
-
-
-def take_up_rate(courant: float) -> float:
-    """Part of what points at supports have of strange velocity that they give up in a step: all of it within some
-    ``TRANSITS`` times that a P wave takes through a cell."""
-    return min(1.0, courant / TRANSITS)

@@ -9,7 +9,7 @@ import numpy as np
 
 from .acceleration_correction import AccelerationCorrection, correction_of
 from .b_bar_checks import warn_of_points
-from .checks import finite
+from .checks import an_object, finite
 from .composite import Composite
 from .entry import enter
 from .equilibrium import Equilibrium
@@ -26,7 +26,7 @@ from .mapping import Mapping as PointMapping
 from .meeting_supports import refuse_disagreement
 from .motion import Motion
 from .newton import Newton
-from .options import InitialAcceleration, chosen_correction, chosen_sweeps, courant_number, take_up_rate
+from .options import InitialAcceleration, check_start, chosen_correction, chosen_sweeps, courant_number
 from .partition import anywhere
 from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
@@ -39,7 +39,7 @@ from .shapes import Stencil
 from .terms import elasticity, inertia
 from .ties import Holding, Ties
 from .time_stepping import Newmark, QuasiStatic
-from .velocities import Deposit, KnownVelocity, trapezoidal
+from .velocities import TRANSITS, Deposit, KnownVelocity, trapezoidal
 from .yielding import Yielding, YieldingPoints
 from .yielding_at_points import YieldingAtPoints
 
@@ -73,7 +73,12 @@ class Simulation(Run):
                  hold_cut_cells: bool = True):
         self.bodies = bodies_of(points)
         check_mapping(mapping, transfer)
-        check_options(newton, solver, b_bar=b_bar, hold_cut_cells=hold_cut_cells)
+        check_options(newton, solver, b_bar=b_bar, hold_cut_cells=hold_cut_cells,
+                      **({} if balanced is None else {"balanced": balanced}))
+        check_start(initial_acceleration)
+        if correction is not None:
+            an_object("correction", correction, AccelerationCorrection,
+                      "AccelerationCorrection.IMPLICIT, LUMPED or OFF")
         if b_bar and mapping.integrate is not DOUBLE_MAPPED:
             raise ValueError(f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the points")
         super().__init__(mapping.name, grid, stepping, terms)
@@ -103,7 +108,8 @@ class Simulation(Run):
             raise ValueError(f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty")
         # a term on the facets between cells, GhostPenalty, does in its own way what ties do
         self._holds = hold_cut_cells and motion.region.dS is None
-        self._acts_everywhere = not stepping.dynamic or scene.body_loaded or self._stressed()
+        self._bound_for_rest = not stepping.dynamic or self._stressed()
+        self._acts_everywhere = self._bound_for_rest or scene.body_loaded
         self.holding: Holding | None = None
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
         self.initial_acceleration, self._unmoved = initial_acceleration, []
@@ -112,7 +118,7 @@ class Simulation(Run):
         self.courant_number = courant_number(grid, self.bodies, stepping)
         self.correction = None
         known = stepping.dynamic and (motion.at_rest or motion.moved)
-        self.supports = KnownVelocity(motion, take_up_rate(self.courant_number)) if known else None
+        self.supports = KnownVelocity(motion, self.courant_number / stepping.dt / TRANSITS) if known else None
         if stepping.dynamic:
             self._chooses_sweeps = sweeps is None
             sweeps = chosen_sweeps(mapping, self.correction_kind, self.courant_number) if sweeps is None else sweeps
@@ -122,7 +128,7 @@ class Simulation(Run):
                 for name in ("velocity", "acceleration"):
                     value = getattr(body, name)
                     setattr(body, name, np.zeros_like(body.x) if value is None else np.array(value, float))
-            self.correction = correction_of(self.correction_kind, self.equilibrium, self.deposit)
+            self.correction = correction_of(self.correction_kind, self.equilibrium, self.stress, self.deposit)
         if b_bar:
             warn_of_points([body.material for body in self.bodies], partly_filled(grid, self.bodies, self.cells),
                            stepping.dynamic)
@@ -136,6 +142,13 @@ class Simulation(Run):
         if correction in (AccelerationCorrection.LUMPED, AccelerationCorrection.IMPLICIT) and not self.stepping.dynamic:
             raise ValueError(f"correction is of accelerations, and {self.stepping} has none, got {correction}")
         return correction
+
+    def change_step(self, stepping: Newmark | QuasiStatic) -> None:
+        """Go on with another step from the time reached; what is chosen by the Courant number is chosen anew."""
+        super().change_step(stepping)
+        self.courant_number = courant_number(self.grid, self.bodies, stepping)
+        if stepping.dynamic and self._chooses_sweeps:
+            self.deposit.sweeps = chosen_sweeps(self.mapping, self.correction_kind, self.courant_number)
 
     def _composite_patches(self) -> list[Composite]:
         """One for each body; bodies of one material share theirs."""
@@ -226,7 +239,7 @@ class Simulation(Run):
             return
         if self.holding is None:
             ties = self.equilibrium.ties = Ties(self.grid, self.equilibrium.fixed)
-            self.holding = Holding(self.properties.fills(), ties, self._acts_everywhere)
+            self.holding = Holding(self.properties.fills(), ties, self._acts_everywhere, self._bound_for_rest)
             self._loaded = np.zeros_like(self._held)
         self._loaded[:] = 0
         self.scene.mark_loaded(self._loaded)

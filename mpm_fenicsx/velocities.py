@@ -17,6 +17,9 @@ from .shapes import Stencil
 from .ties import Ties
 from .time_stepping import Newmark
 
+TRANSITS = 4.0
+"""Times that a P wave takes through a cell, in which points at supports give up a velocity that is strange there."""
+
 
 class Deposit:
     """Nodal velocity and acceleration before the step, from the points.
@@ -91,12 +94,12 @@ class KnownVelocity:
 
         v_p -= r w_p (v_p - Σ_i S_ip v_i),    w_p = Σ_i S_ip over nodes i of known motion,
 
-    which leaves a velocity that is linear in space as it is.  ``rate`` r, 0 to 1: all of it at once takes energy off
-    waves at a support, so that it is shared out over a few times that a wave takes through a cell.
+    which leaves a velocity that is linear in space as it is.  All of it at once takes energy off waves at a support:
+    r = min(1, ``rate`` Δt), ``rate`` (1/s) once in ``TRANSITS`` times that a wave takes through a cell.
     """
 
     def __init__(self, motion: Motion, rate: float):
-        grid, self.rate = motion.grid, rate
+        grid, self.motion, self.rate = motion.grid, motion, rate
         self.known = np.zeros((grid.nodes, grid.dim))
         for dofs in (*motion.at_rest, *(known.dofs for known in motion.moved)):
             self.known.reshape(-1)[dofs] = 1.0
@@ -107,7 +110,7 @@ class KnownVelocity:
         """Change velocities (n, dim) of the points of a stencil; ``end`` (nodes, dim): those at the end of the step."""
         rows = np.flatnonzero(self._near[stencil.cell])
         if len(rows):
-            share = self.rate * stencil.at_points(self.known, rows)
+            share = min(1.0, self.rate * self.motion.stepping.dt) * stencil.at_points(self.known, rows)
             velocity[rows] -= share * (velocity[rows] - stencil.at_points(end, rows))
 
 

@@ -20,6 +20,7 @@ import numpy as np
 from mpm_fenicsx import Fixed, Grid, LinearElastic, MaterialPoints, Newmark, Simulation, Viscous
 
 FACTOR = {"ksp_type": "preonly", "pc_type": "lu"}
+AS_THEY_ARE = {"solver": FACTOR, "hold_cut_cells": False}  # every node is on its own, as T has it
 NEUTRAL = 1e-6  # eigenvalues so near 1 (rigid motion) and -1 (velocities on rollers) are neutral, up to round-off
 soil, h = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25
 
@@ -39,7 +40,7 @@ def bar(mapping, stepping, cells=12, fixed=False, viscous=False, offset=0.0, mat
     terms = [Fixed(grid.facets("bottom", "top"), "y")]
     terms += [Fixed(grid.facets("left"), "x")] if fixed else []
     terms += [Viscous(body.surface("left"), material)] if viscous else []
-    return Simulation(grid, body, stepping, terms, mapping, solver=FACTOR, **options)
+    return Simulation(grid, body, stepping, terms, mapping, **(AS_THEY_ARE | options))
 
 
 def block(mapping, stepping, cells=(4, 3), viscous=False, offset=0.0, material=soil, **options) -> Simulation:
@@ -50,7 +51,7 @@ def block(mapping, stepping, cells=(4, 3), viscous=False, offset=0.0, material=s
                                        inside=lambda x: ((x > 0) & (x.T < np.array(cells) * h).T).all(axis=0)))
     body.x += offset * h
     terms = [Viscous(body.surface("bottom"), material)] if viscous else []
-    return Simulation(grid, body, stepping, terms, mapping, solver=FACTOR, **options)
+    return Simulation(grid, body, stepping, terms, mapping, **(AS_THEY_ARE | options))
 
 
 class StepMap:
@@ -131,7 +132,7 @@ def crossing(mapping, stepping, speed=0.3, steps=10, cells=8, material=soil, cha
     grid = Grid.box((-3 * h, 0), ((cells + way + 4) * h, h), (cells + way + 7, 1))
     body = at_rest(MaterialPoints.fill(grid, material, 4, inside=lambda x: (x[0] > 0) & (x[0] < cells * h)))
     terms = [Fixed(grid.facets("bottom", "top"), "y")]
-    run = change(Simulation(grid, body, stepping, terms, mapping, solver=FACTOR, **options))
+    run = change(Simulation(grid, body, stepping, terms, mapping, **(AS_THEY_ARE | options)))
     start = {name: getattr(body, name).copy() for name in ("x", "half", "volume")}
     column = np.unique(body.x[:, 0].round(9), return_inverse=True)[1]
     first = np.unique(column, return_index=True)[1]

@@ -58,7 +58,7 @@ def points(bar: Bar, mapping, cell: float, dt: float, per_cell: int, random: boo
     grid = Grid.box((-room * cell, 0), (length + (room + np.ceil(bar.drift * bar.period / cell)) * cell, height),
                     (round(length / cell + 2 * room + np.ceil(bar.drift * bar.period / cell)), round(height / cell)))
     body = tiles(material(bar), cell / round(per_cell**0.5), jitter * random)
-    body.velocity, body.acceleration = np.zeros((2, *body.x.shape))
+    body.velocity = np.zeros_like(body.x)
     body.velocity[:, 0] = bar.drift + bar.velocity(body.x[:, 0], 0.0)
     return kind(grid, body, Newmark(dt), terms(bar, grid, dt, bar.particle), mapping, **options)
 

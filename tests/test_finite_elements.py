@@ -8,6 +8,7 @@ from mpm_fenicsx import (
     Energy,
     FiniteElements,
     Fixed,
+    GeneralizedAlpha,
     Gravity,
     Grid,
     LinearElastic,
@@ -140,6 +141,7 @@ def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
 # -- going on from another run ---------------------------------------------------------------------
 
 
+DAMPED = GeneralizedAlpha(0.1, spectral_radius=0.5)  # a load that starts at once rings on under Newmark
 SPRINGY = LinearElastic(young=20e6, poisson=0.25, density=1500.0)  # r = 20 m: 2G/r = 8e5 Pa/m
 
 
@@ -160,22 +162,22 @@ def test_springs_go_on_with_what_they_bear(dim, surface):
     base = "bottom" if dim == 2 else "back"
     fresh = (lambda: grid.facets(base)) if surface == "facets" else \
         (lambda: MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface(base))
-    whole = FiniteElements(grid, SPRINGY, Newmark(0.1), on_springs(grid, fresh()))
+    whole = FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, fresh()))
     whole.until(2.0)
     on = fresh()
-    first = FiniteElements(grid, SPRINGY, Newmark(0.1), on_springs(grid, on))
+    first = FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, on))
     first.until(1.0)
     again = on if surface == "points" else fresh()
-    second = FiniteElements(grid, SPRINGY, Newmark(0.1), on_springs(grid, again), start=first)
+    second = FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, again), start=first)
     second.until(1.0)
     for name, value in whole.state().items():
         assert np.array_equal(second.state()[name], value), name
     whole.until(60.0)
     u = whole.motion.nodal(whole.displacement)[:, -1]
     sunk = -500.0 * 20.0 / (2 * SPRINGY.lame[1])  # -6.25e-4 m; without memory it sinks twice
-    assert u.max() == pytest.approx(sunk, rel=1e-4)  # it still trembles by 1e-5
+    assert u.max() == pytest.approx(sunk, rel=1e-4)  # it hardly trembles any more
     again = whole.terms[-1].on if surface == "points" else fresh()
-    rest = FiniteElements(grid, SPRINGY, Newmark(0.1), on_springs(grid, again), start=whole)
+    rest = FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, again), start=whole)
     energy = rest.record(Energy())
     rest.until(20.0)
     now = rest.motion.nodal(rest.displacement)[:, -1]
@@ -238,5 +240,5 @@ def test_what_start_takes_over_and_what_not():
     assert not moving.motion.v.x.array.any()
     body = MaterialPoints.fill(grid, dense.SOIL, 4)
     points = Simulation(grid, body, Newmark(0.01), [])
-    with pytest.raises(ValueError, match="start must be a finite element run, got Simulation"):
+    with pytest.raises(ValueError, match=r"start must be a finite element run, got .*Simulation"):
         FiniteElements(grid, dense.SOIL, Newmark(0.01), push, start=points)
