@@ -21,6 +21,7 @@ from .points import SurfacePoints
 from .shapes import Stencil
 
 SQRT3 = np.sqrt(3.0)
+OVER = 0.01  # of a cell: so far over the grid's edge a face may reach, as it is drawn from its Gauss points
 SLIVER = 1e-9  # of half a face: no piece is shorter; of a cell: a face that extends no further crosses no line
 
 
@@ -56,7 +57,9 @@ class Faces:
         place, at, weight = _pieces(centre[crossed], axes[:, crossed], np.sort(ends[crossed], axis=2))
         face = crossed[at]
         whole = np.flatnonzero(~np.isin(np.arange(len(own)) // k, crossed))
-        where = cell[face]
+        where, edge = cell[face], np.clip(place, self.grid.lower_corner, self.grid.upper_corner)
+        over = np.abs(place - edge).max(axis=1, initial=0.0) <= OVER * self.grid.smallest
+        place[over] = edge[over]
         self.grid.walk(self.within(place, normal[face]), where)
         lost = np.flatnonzero(where < 0)
         if len(lost):

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 
+from mpi4py import MPI
+
 import numpy as np
 from dolfinx import fem
 from ufl import inner
@@ -30,6 +32,9 @@ from .scene_checks import check_options
 from .terms import elastic_work, elasticity, inertia
 from .time_stepping import Newmark, QuasiStatic
 from .yielding import Yielding, YieldingElements
+
+ALIKE = 1e-2
+"""Of the largest acceleration: by no more does that of a run before differ from the balance of its own loads."""
 
 
 class FiniteElements(Run):
@@ -85,6 +90,7 @@ class FiniteElements(Run):
             warn_of_laws(materials.materials)
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
+        self._goes_on = start is not None
         if start is not None:
             self._go_on_from(start)
 
@@ -102,11 +108,16 @@ class FiniteElements(Run):
         """Before the first step: the acceleration of the balance of forces, unless one is given."""
         motion = self.motion
         there = self.stepping.dynamic and self.grid.comm.allreduce(int(motion.a.x.array.any()))
-        if not self.stepping.dynamic or there or self.initial_acceleration is InitialAcceleration.ZERO:
+        given = there and not self._goes_on
+        if not self.stepping.dynamic or given or self.initial_acceleration is InitialAcceleration.ZERO:
             return
         self.scene.prepare(self.time, self.time)
         motion.know_start(motion.nodal(motion.v), motion.nodal(motion.a))
-        motion.a.x.array[:] = self.equilibrium.initial_acceleration()
+        balanced = self.equilibrium.initial_acceleration()
+        change = np.abs(balanced - motion.a.x.array).max(initial=0.0), np.abs(balanced).max(initial=0.0)
+        change, size = self.grid.comm.allreduce(change[0], MPI.MAX), self.grid.comm.allreduce(change[1], MPI.MAX)
+        if change > ALIKE * size:  # else the loads are those of the run before, which goes on bit for bit
+            motion.a.x.array[:] = balanced
 
     def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
         """Solve for the displacement from ``start`` to ``end`` (s)."""

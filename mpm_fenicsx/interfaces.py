@@ -11,6 +11,8 @@ from .grid import Grid
 from .partition import anywhere
 from .points import MaterialPoints
 
+WHOLE = 1e-6  # of a cell: so much may be lacking
+
 
 def warn_of_interfaces(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray]) -> None:
     """Warn of interfaces inside cells, and of bodies that are thinner than the cells that they share.
@@ -25,7 +27,8 @@ def warn_of_interfaces(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequ
     for body, cell in zip(held, cells, strict=True):
         body[cell] = True
     held = np.array([grid.share_cells(body.astype(np.int8)).astype(bool) for body in held])
-    thin = anywhere(grid.comm, next(filter(None, (_thin(grid, bodies, held, k) for k in range(len(bodies)))), None))
+    each = (_thin(grid, bodies, cells, held, k) for k in range(len(bodies)))
+    thin = anywhere(grid.comm, next(filter(None, each), None))
     shared = grid.comm.allreduce(int(_shared(bodies, held).any(axis=0)[: grid.owned_cells].sum()))
     if thin:
         warnings.warn(thin, UserWarning, stacklevel=2)
@@ -45,16 +48,27 @@ def _shared(bodies: Sequence[MaterialPoints], held: np.ndarray) -> np.ndarray:
     return shared
 
 
-def _thin(grid: Grid, bodies: Sequence[MaterialPoints], held: np.ndarray, number: int) -> str | None:
+def _across(grid: Grid, body: MaterialPoints, cells: np.ndarray, cell: int, axis: int) -> bool:
+    """Whether a body reaches across a cell along an axis."""
+    rows, lattice = np.flatnonzero(cells == cell), grid.lattice
+    x, half = body.x[rows, axis], body.half[rows, axis]
+    hair = WHOLE * (lattice.upper[cell, axis] - lattice.lower[cell, axis])
+    return (x - half).min() <= lattice.lower[cell, axis] + hair and (x + half).max() >= lattice.upper[cell, axis] - hair
+
+
+def _thin(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray], held: np.ndarray,
+          number: int) -> str | None:
     """What to say of a body that ends on both sides of a cell which it does not fill."""
     neighbour, lattice = grid.lattice.neighbour, grid.lattice
     mine = np.append(held[number], False)  # beyond the grid there is none
     alone = (~mine[neighbour]).all(axis=2)  # (cells, dim): no neighbour along it on either side
     inside = (neighbour >= 0).any(axis=2)
     found = np.argwhere((alone & inside & _shared(bodies, held)[number][:, None])[: grid.owned_cells])
-    if not len(found):
+    found = next(((cell, axis) for cell, axis in found if not _across(grid, bodies[number], cells[number], cell, axis)),
+                 None)
+    if found is None:
         return None
-    cell, axis = found[0]
+    cell, axis = found
     centre = 0.5 * (lattice.lower[cell] + lattice.upper[cell])
     return (f"body {number} is thinner than a cell along {'xyz'[axis]} at x={centre}: it is strained like what shares "
             "the cell with it and bears a multiple of its stress; take grid lines along its edges (Grid.rectilinear)")

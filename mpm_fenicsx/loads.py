@@ -23,7 +23,11 @@ class Load:
         self.name, self.function, self.dim, self.fault = name, function, dim, None
 
     def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
-        value = numbers(self.function(t, x))
+        try:
+            value = numbers(self.function(t, x))
+        except Exception as error:  # on one rank, perhaps: all are told
+            self.fault = f"{self.name} raises {type(error).__name__} at t = {t:.6g}: {error}"
+            return np.zeros(self.dim)
         if value is None or value.shape not in ((self.dim,), (len(x), self.dim)):
             self.fault = f"{self.name} must give {self.dim} finite numbers, got {value!r} at t = {t:.6g}"
             return np.zeros(self.dim)

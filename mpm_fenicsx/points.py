@@ -107,6 +107,7 @@ class MaterialPoints:
     exposed: np.ndarray | None = None  # (n, dim, 2): faces of the support domain on the body's edge
     seat: np.ndarray | None = None  # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
     mass: np.ndarray = field(init=False)
+    _run_left: int | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.x = array("x", self.x)
@@ -140,6 +141,15 @@ class MaterialPoints:
     def dim(self) -> int:
         """Space dimension."""
         return self.x.shape[1]
+
+    @property
+    def left_by_run(self) -> bool:
+        """Whether the acceleration is what a run has left, and not one that is given."""
+        return self.acceleration is not None and self._run_left == id(self.acceleration)
+
+    def leave(self) -> None:
+        """A run says that the acceleration is its own."""
+        self._run_left = id(self.acceleration)
 
     def state(self) -> dict[str, np.ndarray]:
         """The arrays that the points carry, by name; not copied."""

@@ -72,14 +72,16 @@ class WholeMotion(Prescribed):
 
 
 class AccelerationRecord(Prescribed):
-    """An acceleration a(t), integrated by the run's own rule, from rest:
+    """An acceleration a(t), integrated by the trapezoidal rule, Newmark's, from rest:
 
-        Δu = Δt v + Δt² ((½ - β) a + β a₁),    v₁ = v + Δt ((1 - γ) a + γ a₁).
+        Δu = Δt v + ¼ Δt² (a + a₁),    v₁ = v + ½ Δt (a + a₁).
 
+    It is that of every stepping: with the γ > ½ of generalised α a record would gain (γ - ½) Δt (a(t) - a(0)) in
+    velocity.
     ``velocity`` (1,), m/s, is that reached; a restart needs it.
     """
 
-    description = "acceleration as given, integrated by the rule of the run"
+    description = "acceleration as given, integrated by the trapezoidal rule"
 
     def __init__(self, acceleration: Callable[[float], float]):
         self._a = acceleration
@@ -88,9 +90,8 @@ class AccelerationRecord(Prescribed):
     def step(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> Step:
         """Increment, and velocity and acceleration before and after it."""
         v, a, a_end, dt = float(self.velocity[0]), self._a(start), self._a(end), end - start
-        β, γ = stepping.beta, stepping.gamma
-        self._end = v + dt * ((1.0 - γ) * a + γ * a_end)
-        return dt * v + dt**2 * ((0.5 - β) * a + β * a_end), (v, a), (self._end, a_end)
+        self._end = v + 0.5 * dt * (a + a_end)
+        return dt * v + 0.25 * dt**2 * (a + a_end), (v, a), (self._end, a_end)
 
     def carry(self) -> None:
         """The step is made."""

@@ -51,9 +51,10 @@ class Simulation(Run):
     ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take velocities from the grid;
     ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass in the deposit of velocities (see
     ``Deposit``), 0 for division by the lumped mass alone, as in the paper; by default chosen by the Courant number.
-    ``correction``: what the mismatch of (7) and the points' own force changes the acceleration by; by default
-    implicit where points have support domains (see ``AccelerationCorrection``).
-    ``initial_acceleration``: that of the balance of forces, unless the points bring one, or zero as in the paper.
+    ``correction``: what the mismatch of (7) and the points' own force changes the acceleration by; by default chosen
+    by the Courant number where points have support domains (see ``AccelerationCorrection`` and ``options``).
+    ``initial_acceleration``: that of the balance of forces, unless points are given one (what another run has left
+    is not given), or zero as in the paper.
     ``solver``: PETSc options.  ``print(run)`` says what was chosen.
     ``newton``: when to stop where a body can yield.  ``b_bar``: volume changes by the mean of cells, on the grid and
     at the points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings only).
@@ -112,10 +113,11 @@ class Simulation(Run):
         self._acts_everywhere = self._bound_for_rest or scene.body_loaded
         self.holding: Holding | None = None
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
-        self.initial_acceleration, self._unmoved = initial_acceleration, []
+        self.initial_acceleration, self._unmoved, self._left = initial_acceleration, [], []
         correction = self._asked_correction(correction, balanced)
-        self.correction_kind = chosen_correction(mapping, stepping) if correction is None else correction
         self.courant_number = courant_number(grid, self.bodies, stepping)
+        self._chooses_correction = correction is None
+        self.correction_kind = correction or chosen_correction(mapping, stepping, self.courant_number)
         self.correction = None
         known = stepping.dynamic and (motion.at_rest or motion.moved)
         self.supports = KnownVelocity(motion, self.courant_number / stepping.dt / TRANSITS) if known else None
@@ -124,6 +126,7 @@ class Simulation(Run):
             sweeps = chosen_sweeps(mapping, self.correction_kind, self.courant_number) if sweeps is None else sweeps
             self.deposit = Deposit(motion, density, given.mass_dx, sweeps)
             self._unmoved = [body for body in self.bodies if body.acceleration is None]
+            self._left = [body for body in self.bodies if body.left_by_run]
             for body in self.bodies:
                 for name in ("velocity", "acceleration"):
                     value = getattr(body, name)
@@ -136,8 +139,8 @@ class Simulation(Run):
     def _asked_correction(self, correction: AccelerationCorrection | None,
                           balanced: bool | None) -> AccelerationCorrection | None:
         if balanced is not None:
-            warnings.warn("balanced is now correction=AccelerationCorrection.LUMPED or OFF; the default, IMPLICIT, "
-                          "loses less and grows nowhere that LUMPED does not", DeprecationWarning, stacklevel=3)
+            warnings.warn("balanced is now correction=AccelerationCorrection.LUMPED or OFF; by default it is chosen by "
+                          "the Courant number", DeprecationWarning, stacklevel=3)
             correction = AccelerationCorrection.LUMPED if balanced else AccelerationCorrection.OFF
         if correction in (AccelerationCorrection.LUMPED, AccelerationCorrection.IMPLICIT) and not self.stepping.dynamic:
             raise ValueError(f"correction is of accelerations, and {self.stepping} has none, got {correction}")
@@ -147,6 +150,9 @@ class Simulation(Run):
         """Go on with another step from the time reached; what is chosen by the Courant number is chosen anew."""
         super().change_step(stepping)
         self.courant_number = courant_number(self.grid, self.bodies, stepping)
+        if stepping.dynamic and self._chooses_correction:
+            self.correction_kind = chosen_correction(self.mapping, stepping, self.courant_number)
+            self.correction = correction_of(self.correction_kind, self.equilibrium, self.stress, self.deposit)
         if stepping.dynamic and self._chooses_sweeps:
             self.deposit.sweeps = chosen_sweeps(self.mapping, self.correction_kind, self.courant_number)
 
@@ -177,7 +183,7 @@ class Simulation(Run):
     def begin(self) -> None:
         """Before the first step: doubts are said, and points that bring no acceleration take that of the balance."""
         warn_of_interfaces(self.grid, self.bodies, self.cells)
-        unmoved = [body for body in self._unmoved if not body.acceleration.any()]
+        unmoved = [*self._left, *(body for body in self._unmoved if not body.acceleration.any())]
         if not self.grid.comm.allreduce(len(unmoved)) or self.initial_acceleration is InitialAcceleration.ZERO:
             return
         self.prepare(self.time, self.time)
@@ -282,6 +288,7 @@ class Simulation(Run):
         for body, stencil, (_, stretches) in zip(self.bodies, self.stencils, found, strict=True):
             if self.stepping.dynamic:
                 self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping)
+                body.leave()
             if self.supports is not None:
                 self.supports.take_up(body.velocity, stencil, after[0])
             body.deform(stencil.at_points(u), *stretches)

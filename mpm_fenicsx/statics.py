@@ -38,7 +38,7 @@ class Statics:
                              "that the material touches")
         self._supported = True
 
-    def settle(self, tolerance: float = 1e-10, steps: int = 100) -> float:
+    def settle(self, tolerance: float = 1e-10, steps: int = 1000) -> float:
         """Repeat the step at the load reached, time standing still, until equilibrium; returns what is left.
 
         A linear solve a step leaves an imbalance wherever the tangent is not the derivative of the force at the

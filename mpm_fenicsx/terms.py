@@ -58,7 +58,7 @@ class Fixed:
 
     - ``value``, a displacement (m): velocity and acceleration are derived from it by differences over the step;
     - ``value`` with its ``velocity`` (m/s) and ``acceleration`` (m/s²): all three are taken as they are;
-    - ``acceleration`` alone, a record: integrated by the rule of the run, from rest at the start.
+    - ``acceleration`` alone, a record: integrated by the trapezoidal rule, from rest at the start.
 
     Nodes of known motion have known velocity and acceleration, whatever the points around deposit there.
     The nodes of a material point run's grid move by the increment of the step and are then where they were,

@@ -622,7 +622,7 @@ def with_field(body, name, value):
 
 
 REFUSED = [
-    (lambda g: LinearElastic, "material must be an object, got the class LinearElastic itself: call it with its numbers"),
+    (lambda g: LinearElastic, "got the class LinearElastic itself: call it with its numbers"),
     (lambda g: "clay", "got 'clay'"),
     (lambda g: None, "got None"),
     (lambda g: [], r"got \[\]"),
