@@ -256,7 +256,8 @@ class Simulation(Run):
         if self.stepping.dynamic:
             self.deposit.predict(self.bodies, self.stencils)
             if self.holding is not None and self.holding.ties.P is not None:
-                self.holding.ties.follow(self.motion.v)
+                self.holding.ties.follow_with_momentum(self.motion.v, self.deposit.mass)
+                self.motion.know_start(*map(self.motion.nodal, (self.motion.v, self.motion.a)))
 
     def solve(self, push: np.ndarray | float = 0.0) -> None:
         """Internal force at the points, tangent of the fields, one linear solve; ``push`` (dofs,), N, from outside."""

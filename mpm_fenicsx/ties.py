@@ -158,6 +158,17 @@ class Ties:
         """The same, and none is left where motion is known."""
         self._apply(self.free.multTranspose, f)
 
+    def follow_with_momentum(self, v: fem.Function, mass: np.ndarray) -> None:
+        """Velocities of light nodes follow, and what that takes of the momentum of lumped ``mass`` (nodes,), kg, goes
+        to those they are tied to.  Linear velocities stay as they are."""
+        lost = v.x.array.copy()
+        self.follow(v)
+        lost -= v.x.array
+        change = fem.Function(v.function_space)
+        change.x.array[:] = np.repeat(mass, self.grid.dim) * lost
+        self.divide(change, mass)
+        v.x.array[:] += change.x.array
+
     def divide(self, force: fem.Function, mass: np.ndarray) -> None:
         """Forces (N) become accelerations of lumped ``mass`` (nodes,), kg; light nodes hand both to those they are tied
         to, and follow these."""
