@@ -59,7 +59,7 @@ class Deposit:
         """Nodal accelerations (nodes, dim) of forces (N) by the same mass and, where no node is tied, sweeps."""
         found = self.motion.nodal(force)
         if ties is not None:
-            ties.divide(force, self.mass)
+            ties.accelerate(force, self.mass)
             self.motion.know_start(np.zeros_like(found), found)
             return found
         nodal = self._sums.x.array.reshape(len(found), -1)

@@ -129,8 +129,9 @@ def plastic_step(kind, dim) -> dict:
         elastic, number = ranks.body_of(grid)
         elastic.stress *= 0.1
         body = MaterialPoints(law, elastic.x, elastic.half, elastic.volume, stress=elastic.stress)
+        # random stress is out of balance: a start that knows it throws points out of the grid
         run = Simulation(grid, body, Newmark(5e-3), terms, kind, newton=Newton(tolerance=1e-9),
-                         solver={"ksp_rtol": 1e-13})
+                         solver={"ksp_rtol": 1e-13}, initial_acceleration=InitialAcceleration.ZERO)
     solves = []
     for _ in range(2):
         run.step()
