@@ -17,6 +17,7 @@ from mpm_fenicsx import (
     FiniteElements,
     Fixed,
     Gravity,
+    InitialAcceleration,
     LinearElastic,
     MaterialPoints,
     Newmark,

@@ -25,7 +25,7 @@ def test_rows_and_figure(tmp_path, monkeypatch):
     fe, dead, traction = rows
     assert [row["load"] for row in rows] == ["DeadLoad", "DeadLoad", "Traction"]
     assert not any(row["stopped"] for row in rows)
-    # finite elements of this coarse grid lock: 4 % stiffer than points, which the correction no longer damps (2 % before)
+    # elements of this coarse grid lock: 4 % stiffer than points, which the correction damps no more (2 % before)
     np.testing.assert_allclose([dead["settlement_m"][-1], traction["settlement_m"][-1]], fe["settlement_m"][-1],
                                rtol=0.05)
     assert traction["area_m2"][-1] == pytest.approx(dead["area_m2"][-1], abs=1e-3)
