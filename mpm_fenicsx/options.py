@@ -16,12 +16,13 @@ from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
 from .time_stepping import Newmark, QuasiStatic
 
-SHORTEST, SHORT = 0.45, 1.0 + 1e-9
-"""Courant numbers from which the correction is implicit, and up to which it then goes with two sweeps.
+SHORT = 1.0 + 1e-9
+"""Courant number up to which the correction is by lumped mass, and from which it is implicit.
 
-Below the first the matrix of the step is nearly that of mass alone, which in cut cells feeds free bodies (by 2e-3 a
-step at Courant 0.1, where lumped mass feeds them by 3e-5, and waves lose little anyway); above the second, two sweeps
-feed what crosses cells more than they save of waves (studies/numerical_damping.py)."""
+Below, both keep waves alike and the lumped one costs less; the matrix of a very short step is that of mass alone, which
+feeds free bodies whose ends are cut (by 2e-3 a step at Courant 0.1; lumped mass by 3e-5).  Above, lumped mass feeds
+bars off the grid's lines (by 6e-3 a step at Courant 10), the matrix of the step none (studies/numerical_damping.py)."""
+
 
 class InitialAcceleration(Enum):
     """The acceleration that a dynamic run starts with, where points or nodes bring none.
@@ -55,13 +56,11 @@ def courant_number(grid: Grid, bodies: Sequence[MaterialPoints], stepping: Newma
 
 
 def chosen_correction(mapping: Mapping, stepping: Newmark | QuasiStatic, courant: float) -> AccelerationCorrection:
-    """In dynamics where points have support domains, implicit, or lumped for the shortest steps; off elsewhere."""
-    if not (stepping.dynamic and mapping.support):
+    """Lumped for short steps and implicit for others, in dynamics where points have support domains; off elsewhere.
+
+    Off, too, where stress is linear over domains: that force is not the adjoint of the strain, and bodies that meet
+    gain energy with it.
+    """
+    if not (stepping.dynamic and mapping.support) or mapping.linear:
         return AccelerationCorrection.OFF
-    return AccelerationCorrection.IMPLICIT if courant >= SHORTEST else AccelerationCorrection.LUMPED
-
-
-def chosen_sweeps(mapping: Mapping, correction: AccelerationCorrection, courant: float) -> int:
-    """Two for short steps that are corrected, with integrals at Gauss points; one for others."""
-    corrected = correction is AccelerationCorrection.IMPLICIT and mapping.integrate is DOUBLE_MAPPED
-    return 2 if corrected and courant <= SHORT else 1
+    return AccelerationCorrection.LUMPED if courant <= SHORT else AccelerationCorrection.IMPLICIT

@@ -26,7 +26,7 @@ from .mapping import Mapping as PointMapping
 from .meeting_supports import refuse_disagreement
 from .motion import Motion
 from .newton import Newton
-from .options import InitialAcceleration, check_start, chosen_correction, chosen_sweeps, courant_number
+from .options import InitialAcceleration, check_start, chosen_correction, courant_number
 from .partition import anywhere
 from .points import MaterialPoints
 from .projection import DOUBLE_MAPPED
@@ -50,7 +50,7 @@ class Simulation(Run):
     ``points``: one body or several; ``stepping``: Newmark or QuasiStatic; ``terms``: boundaries and loads;
     ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take velocities from the grid;
     ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass in the deposit of velocities (see
-    ``Deposit``), 0 for division by the lumped mass alone, as in the paper; by default chosen by the Courant number.
+    ``Deposit``), 0 for division by the lumped mass alone, as in the paper.
     ``correction``: what the mismatch of (7) and the points' own force changes the acceleration by; by default chosen
     by the Courant number where points have support domains (see ``AccelerationCorrection`` and ``options``).
     ``initial_acceleration``: that of the balance of forces, unless points are given one (what another run has left
@@ -67,7 +67,7 @@ class Simulation(Run):
 
     def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
                  terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
-                 sweeps: int | None = None, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
+                 sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
                  b_bar: bool = False, reuse: float = 0.0, balanced: bool | None = None,
                  correction: AccelerationCorrection | None = None,
                  initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
@@ -109,7 +109,7 @@ class Simulation(Run):
             raise ValueError(f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty")
         # a term on the facets between cells, GhostPenalty, does in its own way what ties do
         self._holds = hold_cut_cells and motion.region.dS is None
-        self._bound_for_rest = not stepping.dynamic or self._stressed()
+        self._bound_for_rest = not stepping.dynamic or (scene.body_loaded and self._stressed())
         self._acts_everywhere = self._bound_for_rest or scene.body_loaded
         self.holding: Holding | None = None
         self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
@@ -122,8 +122,6 @@ class Simulation(Run):
         known = stepping.dynamic and (motion.at_rest or motion.moved)
         self.supports = KnownVelocity(motion, self.courant_number / stepping.dt / TRANSITS) if known else None
         if stepping.dynamic:
-            self._chooses_sweeps = sweeps is None
-            sweeps = chosen_sweeps(mapping, self.correction_kind, self.courant_number) if sweeps is None else sweeps
             self.deposit = Deposit(motion, density, given.mass_dx, sweeps)
             self._unmoved = [body for body in self.bodies if body.acceleration is None]
             self._left = [body for body in self.bodies if body.left_by_run]
@@ -153,8 +151,6 @@ class Simulation(Run):
         if stepping.dynamic and self._chooses_correction:
             self.correction_kind = chosen_correction(self.mapping, stepping, self.courant_number)
             self.correction = correction_of(self.correction_kind, self.equilibrium, self.stress, self.deposit)
-        if stepping.dynamic and self._chooses_sweeps:
-            self.deposit.sweeps = chosen_sweeps(self.mapping, self.correction_kind, self.courant_number)
 
     def _composite_patches(self) -> list[Composite]:
         """One for each body; bodies of one material share theirs."""
@@ -171,8 +167,9 @@ class Simulation(Run):
                  f"step: {self.stepping}"]
         if self.stepping.dynamic:
             lines += [f"Courant number of P waves: {self.courant_number:.3g}",
-                      f"acceleration corrected: {self.correction_kind.value}; sweeps: {self.deposit.sweeps}"
-                      + (" (chosen by the Courant number)" if self._chooses_sweeps else ""),
+                      f"acceleration corrected: {self.correction_kind.value}"
+                      + (" (chosen by the Courant number)" if self._chooses_correction else "")
+                      + f"; sweeps: {self.deposit.sweeps}",
                       f"initial acceleration: {self.initial_acceleration.value}"]
         lines += [f"term: {type(term).__name__}" for term in self.terms]
         lines += [f"prescribed motion: {motion.description}" for motion in self.scene.prescribed]

@@ -62,7 +62,7 @@ class Deposit:
             ties.accelerate(force, self.mass)
             self.motion.know_start(np.zeros_like(found), found)
             return found
-        nodal = self._sums.x.array.reshape(len(found), -1)
+        nodal = self._sums.x.array.reshape(len(found), 1 + 2 * self.motion.grid.dim)
         nodal[:] = 0.0
         nodal[:, 0], nodal[:, 1 + self.motion.grid.dim :] = self.mass, found
         return self._divided(nodal)[1].copy()

@@ -38,7 +38,7 @@ def several(request, tmp_path_factory) -> dict:
     if program is None:
         pytest.skip("no mpiexec beside Python or on PATH")
     out = tmp_path_factory.mktemp("ranks") / "out.json"
-    command = [program, "-n", str(request.param), sys.executable, ranks.__file__, str(out)]
+    command = [program, "-n", str(request.param), sys.executable, "-m", "mpi4py", ranks.__file__, str(out)]
     done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
     return json.loads(out.read_text())

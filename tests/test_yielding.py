@@ -379,8 +379,8 @@ def test_two_ranks_yield_like_one(tmp_path):
     if program is None:
         pytest.skip("no mpiexec beside Python or on PATH")
     out = tmp_path / "out.json"
-    done = subprocess.run([program, "-n", "2", sys.executable, plastic.__file__, str(out)], env=environment(),
-                          capture_output=True, text=True, timeout=900)
+    command = [program, "-n", "2", sys.executable, "-m", "mpi4py", plastic.__file__, str(out)]
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
     several, serial = json.loads(out.read_text()), plastic.everything()
     for kind, dim in plastic.SEVERAL:
