@@ -119,8 +119,9 @@ class Ties:
         P.setSizes(((dim * owned, None), (dim * owned, None)))
         P.setType("aij")
         P.setBlockSizes(dim, dim)
-        most = np.where(tied[: dim * owned], min(1 + 4 * dim, dim * numbers.size_global), 1).astype(PETSc.IntType)
-        P.setPreallocationNNZ((most, most))
+        most = np.where(tied[: dim * owned], 1 + 4 * dim, 1)
+        here, elsewhere = dim * owned, dim * (numbers.size_global - owned)
+        P.setPreallocationNNZ(tuple(np.minimum(most, n).astype(PETSc.IntType) for n in (here, elsewhere)))
         P.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
         own = np.arange(*P.getOwnershipRange(), dtype=PETSc.IntType)  # zeros too: PᵀAP needs a whole diagonal
         _add(P, own, own[:, None], np.where(tied[: dim * owned], 0.0, 1.0)[:, None])
