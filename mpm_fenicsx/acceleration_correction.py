@@ -77,10 +77,7 @@ class LumpedCorrection(Correction):
         self._deposit = deposit
 
     def _acceleration(self, force: np.ndarray) -> np.ndarray:
-        mass, motion, ties = self._deposit.mass, self._equilibrium.motion, self._equilibrium.ties
-        if ties is not None and ties.P is not None:
-            ties.divide(self._force, motion.stepping.inertia * mass)
-            return self._force.x.array
+        mass, motion = self._deposit.mass, self._equilibrium.motion
         share = np.divide(1.0, motion.stepping.inertia * mass, out=np.zeros_like(mass), where=mass > 0.0)
         return (share[:, None] * motion.nodal(self._force)).ravel()
 

@@ -108,7 +108,9 @@ class FiniteElements(Run):
         """Before the first step: the acceleration of the balance of forces, unless one is given."""
         motion = self.motion
         there = self.stepping.dynamic and self.grid.comm.allreduce(int(motion.a.x.array.any()))
-        given = there and not self._goes_on
+        step = self.stepping
+        at_end = step.dynamic and step.balanced == (step.velocity, step.acceleration)  # not so in generalised α
+        given = there and not (self._goes_on and at_end)
         if not self.stepping.dynamic or given or self.initial_acceleration is InitialAcceleration.ZERO:
             return
         self.scene.prepare(self.time, self.time)

@@ -96,7 +96,8 @@ def test_an_error_inside_a_load_names_step_and_time():
         return 0.0, 0.0
 
     run = make("points", Newmark(0.1), [Gravity(load)])
-    with pytest.raises(RunError, match=r"step 2, t = 0\.2: the table ends") as caught:
+    words = r"step 2, t = 0\.2: g of Gravity raises ValueError at t = 0\.2: the table ends"
+    with pytest.raises(RunError, match=words) as caught:
         run.until(1.0)
     assert isinstance(caught.value.__cause__, ValueError)
 

@@ -242,7 +242,8 @@ def full_scene(stepping, mapping=DM_GC, **keywords):
 
 
 @pytest.mark.parametrize(("stepping", "keywords", "solves"), [
-    (QuasiStatic(4), {}, 1), (Newmark(1e-4), {"correction": AccelerationCorrection.OFF}, 1), (Newmark(1e-4), {}, 2),
+    (QuasiStatic(4), {}, 1), (Newmark(1e-4), {"correction": AccelerationCorrection.OFF}, 1),
+    (Newmark(1e-4), {"correction": AccelerationCorrection.IMPLICIT}, 2),
 ], ids=["static", "dynamic", "corrected"])
 def test_a_linear_scene_solves_once_a_step_and_once_to_correct_it(stepping, keywords, solves):
     run = full_scene(stepping, **keywords)
