@@ -180,8 +180,7 @@ def test_only_faces_that_look_at_one_another():
 def test_equal_bars_exchange_velocities(mapping, places):
     """d'Alembert: stress −ρ c v for 2L/c, then the bars have exchanged velocities; n = 10 cells a bar.
 
-    The nodes at the contact, 1/2n of a bar, meet inelastically: of the velocity exchanged as much may be lost.  While
-    the bars touch, the kinetic energy that points carry swings about that of the nodes by as much (6 % at most).
+    The nodes at the contact, 1/2n of a bar, meet inelastically: of the velocity exchanged as much may be lost.
     """
     n = 10
     run = bars(mapping, (n, n), places=places)
@@ -198,7 +197,7 @@ def test_equal_bars_exchange_velocities(mapping, places):
     assert impulse == pytest.approx(2 * run.bodies[0].mass.sum() * v, rel=1.0 / n)
     velocities = [mean(body)[0] / v for body in run.bodies]
     assert velocities == pytest.approx([-1.0, 1.0], abs=1.0 / n)
-    assert energy.max() < (1.0 + 1.0 / n) * E0 and energy[-1] < E0
+    assert energy.max() < 1.05 * E0 and energy[-1] < E0
 
 
 def test_force_is_what_changes_momentum():
