@@ -32,7 +32,7 @@ from rich.progress import track
 from rich.table import Table
 
 from mpm_fenicsx import DM_G, DM_GC, DM_GCL, GIMP, MPM, AccelerationCorrection, GeneralizedAlpha, Simulation
-from mpm_fenicsx.projection import DOUBLE_MAPPED
+from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 
 RESULTS = Path(__file__).parents[1] / "results"
 MAPPINGS = (MPM, GIMP, DM_G, DM_GC, DM_GCL)

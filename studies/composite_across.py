@@ -24,8 +24,8 @@ from rich.progress import track
 from rich.table import Table
 
 from mpm_fenicsx import DM_GC, Energy, Fixed, Grid, LinearElastic, MaterialPoints, Newmark, RunError, Simulation
-from mpm_fenicsx.composite import Composite
-from mpm_fenicsx.kernels import digits
+from mpm_fenicsx.common.compiled import digits
+from mpm_fenicsx.mapping.composite_patches import Composite
 
 RESULTS = Path(__file__).parents[1] / "results"
 soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)

@@ -38,8 +38,9 @@ from mpm_fenicsx import (
     RunError,
     Simulation,
     Traction,
-    exact,
 )
+from mpm_fenicsx.analytical import waves
+from mpm_fenicsx.analytical.column import Column
 
 RESULTS = Path(__file__).parents[1] / "results"
 sys.path.insert(0, str(RESULTS.parent / "demos"))
@@ -66,12 +67,12 @@ def measure_column(mapping, ρ: float, w: float, load: float, dt: float, pulse: 
     middle, half = (run.record(Probe(field, (0.5, column.height / 2))) for field in ("stress", "displacement"))
     run.until(END)
     soil_ = column.soil
-    known = exact.Column(column.height, soil_.p_speed, soil_.density, lambda t: pulse(t, load), END)
+    known = Column(column.height, soil_.p_speed, soil_.density, lambda t: pulse(t, load), END)
     t = middle.times
     p, u = (known.pressure(column.height / 2, t), known.displacement(column.height / 2, t))
     found = -middle.values[:, 1]
-    row = {"error_pressure": exact.relative_error(found, p),
-           "error_displacement": exact.relative_error(-half.values[:, 1], u),
+    row = {"error_pressure": waves.relative_error(found, p),
+           "error_displacement": waves.relative_error(-half.values[:, 1], u),
            "ringing": np.abs(np.diff(found)).sum() / np.abs(np.diff(p)).sum() - 1, "largest": found.max() / p.max()}
     return row | ({"curve": (found[::2] / load).round(4).tolist()} if pulse is sudden else {})
 
@@ -139,7 +140,7 @@ def figure(rows: list[dict], path: Path) -> None:
     fig, axes = plt.subplots(2, 2, figsize=(11, 6.5), sharex=True, sharey=True, layout="constrained")
     for axis, (name, dt) in zip(axes.flat, [(n, k * column.dt) for n in ("MPM", "DM-GC") for k in (1, 4)], strict=True):
         t = np.linspace(0.0, END, 4001)
-        known = exact.Column(column.height, column.soil.p_speed, column.soil.density, lambda t: sudden(t, 1.0), END)
+        known = Column(column.height, column.soil.p_speed, column.soil.density, lambda t: sudden(t, 1.0), END)
         axis.plot(t, known.pressure(column.height / 2, t), color="0.75", lw=3.5, label="exact")
         for row in rows:
             if (row["mapping"], row.get("dt"), row["start"]) == (name, dt, 0.0) and row["radius"] in (1.0, 0.8, 0.5):

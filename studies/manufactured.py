@@ -16,8 +16,8 @@ from dataclasses import replace
 import numpy as np
 
 from mpm_fenicsx import FiniteElements, Fixed, Gravity, Grid, Hencky, LinearElastic, MaterialPoints, Newmark, Simulation
-from mpm_fenicsx.exact import Bar
-from mpm_fenicsx.shapes import Stencil
+from mpm_fenicsx.analytical.bar import Bar
+from mpm_fenicsx.mapping.shape_functions import Stencil
 
 length, height = 1.0, 0.1
 young, density = 1e6, 1000.0

@@ -25,7 +25,7 @@ from rich.progress import track
 from rich.table import Table
 
 from mpm_fenicsx import DM_GC, GIMP, Mapping
-from mpm_fenicsx.projection import DOUBLE_MAPPED
+from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 
 RESULTS = Path(__file__).parents[1] / "results"
 WAYS = {"as it is": {}, "double-mapped mass": {"mass": DOUBLE_MAPPED}, "linear stress": {"linear": True},

@@ -42,7 +42,7 @@ from mpm_fenicsx import (
     Traction,
     VonMises,
 )
-from mpm_fenicsx.yielding_at_points import YieldingAtPoints
+from mpm_fenicsx.response.small_strain_at_points import YieldingAtPoints
 
 RESULTS = Path(__file__).parents[1] / "results"
 soil = VonMises(LinearElastic(2e6, 0.41, 1000.0), peak=10e3, residual=3e3, softening=50e3)

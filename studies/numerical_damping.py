@@ -34,20 +34,8 @@ from numerical_damping_cases import Wave, as_it_is, cost, damping, damping_far, 
 from rich.console import Console
 from rich.progress import track
 
-from mpm_fenicsx import (
-    CMPM,
-    DM,
-    DM_C,
-    DM_G,
-    DM_GC,
-    DM_GCL,
-    GIMP,
-    MPM,
-    PAPER,
-    AccelerationCorrection,
-    RunError,
-    fenicsx,
-)
+from mpm_fenicsx import CMPM, DM, DM_C, DM_G, DM_GC, DM_GCL, GIMP, MPM, PAPER, AccelerationCorrection, RunError
+from mpm_fenicsx.grid import dolfinx_versions
 
 RESULTS = Path(__file__).parents[1] / "results"
 OFF, LUMPED = AccelerationCorrection.OFF, AccelerationCorrection.LUMPED
@@ -113,7 +101,7 @@ class Book:
     def __init__(self, path: Path, again: list[str]):
         self.path = path
         known = json.loads(path.read_text())["rows"] if path.exists() else []
-        self.others = [row for row in known if row["dolfinx"] != fenicsx.version]
+        self.others = [row for row in known if row["dolfinx"] != dolfinx_versions.version]
         self.rows = {labels_of(row): row for row in known if row not in self.others and row["variant"] not in again}
         self.commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=Path(__file__).parent,
                                      capture_output=True, text=True, check=False).stdout.strip()
@@ -128,7 +116,7 @@ class Book:
 
     def add(self, labels: dict, found: dict) -> None:
         """Write down what was found, to four digits."""
-        row = {**labels, **rounded(found), "dolfinx": fenicsx.version, "commit": self.commit}
+        row = {**labels, **rounded(found), "dolfinx": dolfinx_versions.version, "commit": self.commit}
         self.rows[labels_of(row)] = row
 
     def write(self) -> None:
@@ -306,7 +294,7 @@ def main(arguments=None) -> list[dict]:
     for part in tables(rows):
         print(part, end="\n\n")
     commits = sorted({row["commit"] for row in rows})
-    Console().print(f"DOLFINx {fenicsx.version}; commits {', '.join(commits)}")
+    Console().print(f"DOLFINx {dolfinx_versions.version}; commits {', '.join(commits)}")
     return rows
 
 

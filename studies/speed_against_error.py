@@ -27,7 +27,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from speed_against_error_cases import METHODS, MORE, SCENES, Case, cases, measure
 from speed_against_error_figures import distances, figure, orders, tables
 
-from mpm_fenicsx import fenicsx
+from mpm_fenicsx.grid import dolfinx_versions
 
 RESULTS = Path(__file__).parents[1] / "results"
 LONG = (np.inf, 4.0, 1.0)  # s: the longest runs of each turn
@@ -37,7 +37,7 @@ def surroundings() -> dict:
     """What timings depend on; the first two tell rows that may not be mixed."""
     commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=Path(__file__).parent, capture_output=True,
                             text=True, check=False).stdout.strip()
-    return {"dolfinx": fenicsx.version, "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
+    return {"dolfinx": dolfinx_versions.version, "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
             "numba_threads": numba.get_num_threads(), "machine": f"{platform.processor() or platform.machine()}, "
             f"{os.cpu_count()} cores", "python": platform.python_version(), "commit": commit}
 

@@ -12,7 +12,7 @@ import manufactured
 import numpy as np
 
 from mpm_fenicsx import DM_GCL, MAPPINGS, Probe
-from mpm_fenicsx.exact import relative_error
+from mpm_fenicsx.analytical.waves import relative_error
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 import column

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from mpm_fenicsx import Grid, LinearElastic, MaterialPoints, fenicsx
-from mpm_fenicsx.motion import Motion
-from mpm_fenicsx.scene import Scene
+from mpm_fenicsx import Grid, LinearElastic, MaterialPoints
+from mpm_fenicsx.dynamics.motion import Motion
+from mpm_fenicsx.grid import dolfinx_versions
+from mpm_fenicsx.terms.scene import Scene
 
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 SOFT = LinearElastic(young=3e6, poisson=0.3, density=1800.0)
@@ -35,9 +36,9 @@ def dense(A) -> np.ndarray:
 
 def matrix(form) -> np.ndarray:
     """Dense matrix of a bilinear form, without boundary conditions."""
-    compiled = fenicsx.compile_form(form)
-    A = fenicsx.create_matrix(compiled)
-    fenicsx.assemble_matrix(A, compiled, [])
+    compiled = dolfinx_versions.compile_form(form)
+    A = dolfinx_versions.create_matrix(compiled)
+    dolfinx_versions.assemble_matrix(A, compiled, [])
     A.assemble()
     return dense(A)
 
@@ -47,7 +48,7 @@ def vector(V, form) -> np.ndarray:
     from dolfinx import fem
 
     b = fem.Function(V)
-    fenicsx.assemble_vector(b, fenicsx.compile_form(form))
+    dolfinx_versions.assemble_vector(b, dolfinx_versions.compile_form(form))
     return b.x.array.copy()
 
 

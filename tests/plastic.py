@@ -26,9 +26,9 @@ from mpm_fenicsx import (
     Simulation,
     Traction,
     VonMises,
-    tensors,
 )
-from mpm_fenicsx.gauss import GaussField, GaussPoints
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.grid.gauss_points import GaussField, GaussPoints
 
 ELASTIC = LinearElastic(young=20e6, poisson=0.3, density=1500.0)
 LAW = VonMises(ELASTIC, peak=10e3, residual=4e3, softening=200e3)

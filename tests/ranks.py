@@ -43,8 +43,8 @@ from mpm_fenicsx import (
     Traction,
     Viscoelastic,
     VonMises,
-    fenicsx,
 )
+from mpm_fenicsx.grid import dolfinx_versions
 
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 FINITE = Hencky(young=20e6, poisson=0.25, density=1500.0)
@@ -119,7 +119,7 @@ def projected(grid: Grid, projection) -> dict:
 def ghosts_agree(grid: Grid, f: fem.Function) -> float:
     """Largest difference between ghost values and their owners'."""
     before = f.x.array.copy()
-    fenicsx.share(f)
+    dolfinx_versions.share(f)
     return float(np.abs(f.x.array - before).max(initial=0.0))
 
 
@@ -151,7 +151,7 @@ def still(dim: int, mapping) -> dict:
         out[f"norm of {name}"] = {"": [A.norm()]}
     force = fem.Function(grid.space)
     force.x.array[:] = run._internal.ravel()
-    fenicsx.gather_to_owner(force)
+    dolfinx_versions.gather_to_owner(force)
     out["internal"] = nodal(grid, force.x.array.reshape(-1, dim))
     out["residual"] = nodal(grid, run.equilibrium.force.x.array.reshape(-1, dim))
     out["velocity"] = nodal(grid, run.motion.nodal(run.motion.v))

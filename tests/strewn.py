@@ -12,7 +12,8 @@ from itertools import count
 import numpy as np
 from hypothesis import strategies as st
 
-from mpm_fenicsx import Grid, LinearElastic, MaterialPoints, tensors
+from mpm_fenicsx import Grid, LinearElastic, MaterialPoints
+from mpm_fenicsx.common import tensors
 
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 MADE = count(1)

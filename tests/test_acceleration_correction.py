@@ -31,9 +31,9 @@ from mpm_fenicsx import (
     Viscous,
     VonMises,
     flip,
-    tensors,
     trapezoidal,
 )
+from mpm_fenicsx.common import tensors
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
 import amplification_map

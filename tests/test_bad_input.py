@@ -28,9 +28,9 @@ from mpm_fenicsx import (
     Viscoelastic,
     Viscous,
     VonMises,
-    fenicsx,
 )
-from mpm_fenicsx.law_checks import check_law
+from mpm_fenicsx.grid import dolfinx_versions
+from mpm_fenicsx.materials.law_checks import check_law
 
 NAN = float("nan")
 OTHER = dense.uneven(2)
@@ -98,7 +98,7 @@ def test_grids_and_facets(make, message):
 
 def test_a_grid_that_is_not_rectilinear_where_points_are_used():
     x = np.array([[0.0, 0.0], [1.0, 0.0], [0.2, 1.0], [1.0, 1.0]])
-    skew = Grid(fenicsx.create_mesh(OTHER.comm, x, np.array([[0, 1, 2, 3]]),
+    skew = Grid(dolfinx_versions.create_mesh(OTHER.comm, x, np.array([[0, 1, 2, 3]]),
                                     lambda ranks: (np.array([0, 1]), np.zeros(1))))
     FiniteElements(skew, dense.SOIL, Newmark(1e-3), [Fixed(skew.facets("bottom"))]).step()
     points = MaterialPoints(dense.SOIL, [[0.5, 0.5]], [[0.1, 0.1]], [0.04])

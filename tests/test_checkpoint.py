@@ -40,7 +40,7 @@ from mpm_fenicsx import (
     Viscoelastic,
     VonMises,
 )
-from mpm_fenicsx.identity import described
+from mpm_fenicsx.runs.identity import described
 
 STEPS = 6
 SOFT = dense.SOFT

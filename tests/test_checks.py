@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_fenicsx.checks import between, finite, one_of, positive, whole
+from mpm_fenicsx.common.checks import between, finite, one_of, positive, whole
 
 
 @settings(max_examples=30, deadline=None)

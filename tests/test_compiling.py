@@ -10,21 +10,22 @@ import numpy as np
 import pytest
 from dolfinx import fem
 
-from mpm_fenicsx import Grid, compiling, fenicsx
+from mpm_fenicsx import Grid
+from mpm_fenicsx.grid import dolfinx_versions, form_compiler
 
 
 @pytest.fixture
 def cache(tmp_path, monkeypatch):
     """An empty cache that FFCx waits for one second."""
-    monkeypatch.setitem(fenicsx._JIT, "cache_dir", str(tmp_path))
-    monkeypatch.setitem(fenicsx._JIT, "timeout", 1)
+    monkeypatch.setitem(dolfinx_versions._JIT, "cache_dir", str(tmp_path))
+    monkeypatch.setitem(dolfinx_versions._JIT, "timeout", 1)
     return tmp_path
 
 
 def area(scale):
     grid = Grid.rectilinear([np.array([0.0, 2.0]), np.array([0.0, 1.0])])
     form = fem.Constant(grid.mesh, scale) * grid.dx(metadata={"quadrature_degree": 2})
-    return lambda: fenicsx.assemble_scalar(fenicsx.compile_form(form))
+    return lambda: dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(form))
 
 
 def half_made(cache, age):
@@ -41,7 +42,7 @@ def half_made(cache, age):
 def test_what_a_killed_process_left_is_compiled_anew(cache):
     integral = area(3.0)
     assert integral() == pytest.approx(6.0, rel=1e-14)
-    assert len(half_made(cache, 2 * compiling.ABANDONED)) == 1
+    assert len(half_made(cache, 2 * form_compiler.ABANDONED)) == 1
     assert integral() == pytest.approx(6.0, rel=1e-14)
 
 
@@ -64,7 +65,7 @@ def test_what_another_process_compiles_is_waited_for(cache):
 
 
 def test_an_error_of_the_compiler_is_told(cache, monkeypatch):
-    monkeypatch.setitem(fenicsx._JIT, "cffi_extra_compile_args", ["--no-such-option"])
+    monkeypatch.setitem(dolfinx_versions._JIT, "cffi_extra_compile_args", ["--no-such-option"])
     with pytest.raises(Exception, match=r"gcc|CompileError|VerificationError|failed"):
         area(3.0)()
 
@@ -77,5 +78,5 @@ def test_any_other_error_is_not_tried_again():
         raise RuntimeError("JIT compilation failed on rank 0.")
 
     with pytest.raises(RuntimeError, match="rank 0"):
-        compiling.build(MPI.COMM_WORLD, make)
+        form_compiler.build(MPI.COMM_WORLD, make)
     assert calls == [1]

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpm_fenicsx import Grid
-from mpm_fenicsx.composite import Composite
+from mpm_fenicsx.mapping.composite_patches import Composite
 
 few = settings(max_examples=30, deadline=None)
 

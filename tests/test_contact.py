@@ -29,8 +29,8 @@ from mpm_fenicsx import (
     Traction,
     VonMises,
 )
-from mpm_fenicsx.complementarity import complementary
-from mpm_fenicsx.newton import SolverError
+from mpm_fenicsx.common.errors import SolverError
+from mpm_fenicsx.contact.complementarity import complementary
 
 H = 0.25
 SOIL = LinearElastic(young=20e6, poisson=0.0, density=1500.0)

@@ -11,13 +11,13 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
 import amplification
 import dissipation
 
-from mpm_fenicsx import exact
+from mpm_fenicsx.analytical.column import Column
 
 
 def test_the_exact_column_under_a_sudden_load_goes_up_in_steps():
     """0, 1, 2, 1, 0 times the load at mid-height of a fixed column, the wave passing there every L/c."""
     height, c = 20.0, dissipation.column.soil.p_speed
-    column = exact.Column(height, c, 1500.0, lambda t: dissipation.sudden(t, 3.0), 1.0)
+    column = Column(height, c, 1500.0, lambda t: dissipation.sudden(t, 3.0), 1.0)
     times = np.arange(5) * height / c
     np.testing.assert_allclose(column.pressure(height / 2, times), [0.0, 3.0, 6.0, 3.0, 0.0], atol=1e-9)
 

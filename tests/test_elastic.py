@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_fenicsx import LinearElastic, tensors
+from mpm_fenicsx import LinearElastic
+from mpm_fenicsx.common import tensors
 
 soils = st.builds(LinearElastic, st.floats(1e3, 1e9), st.floats(-0.9, 0.49), st.floats(100, 3000))
 few = settings(max_examples=30, deadline=None)

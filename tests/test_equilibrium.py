@@ -24,9 +24,9 @@ from mpm_fenicsx import (
     Traction,
     Viscoelastic,
     Viscous,
-    forms,
-    tensors,
 )
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.grid import weak_forms
 
 DT = 2e-3
 DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
@@ -76,7 +76,7 @@ def test_the_step_is_equation_12(scene, mapping):
     ρ, λ, μ = run.properties.fields
 
     M = dense.matrix(inner(ρ * u, w) * dx)
-    K = dense.matrix(forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), w) * dx)
+    K = dense.matrix(weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w) * dx)
     n = ufl.FacetNormal(grid.mesh)
     Zp, Zs = (dense.SOIL.density * c for c in (dense.SOIL.p_speed, dense.SOIL.s_speed))
     Z = Zs * ufl.Identity(dim) + (Zp - Zs) * ufl.outer(n, n)
@@ -125,7 +125,7 @@ def test_point_sums_by_hand_are_the_matrix_of_mpm(scene):
          + m * np.einsum("p,pic,pjc,ab->iajb", body.volume, B, B, np.eye(dim)))
     size = grid.nodes * dim
     close(dense.matrix(inner(ρ * u, w) * run.scene.dx), M.reshape(size, size))
-    K_form = forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), w) * run.scene.dx
+    K_form = weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w) * run.scene.dx
     close(dense.matrix(K_form), K.reshape(size, size))
 
 

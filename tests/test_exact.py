@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 from scipy.integrate import trapezoid
 
-from mpm_fenicsx.exact import Bar, Column, dashpot_echo, rayleigh_speed, relative_error, thick_cylinder
+from mpm_fenicsx.analytical.bar import Bar
+from mpm_fenicsx.analytical.column import Column
+from mpm_fenicsx.analytical.waves import dashpot_echo, rayleigh_speed, relative_error, thick_cylinder
 
 L, C, RHO = 10.0, 100.0, 2000.0
 Z, TRAVEL = RHO * C, L / C

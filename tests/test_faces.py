@@ -6,7 +6,7 @@ import pytest
 from dense import SOIL
 
 from mpm_fenicsx import Grid, MaterialPoints, Newmark, SurfacePoints
-from mpm_fenicsx.patches import PointPatch
+from mpm_fenicsx.terms.boundary_patches import PointPatch
 
 
 def patch_of(grid, surface):
@@ -51,7 +51,7 @@ def test_in_a_uniform_field_it_is_force_and_moment(dim):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_uniform_stress_is_in_equilibrium_wherever_the_body_is(dim):
     """Σ_p V_p σ ∇S_ip = Σ ∫ N_i σ n dA over all sides, at every node: exact for support domains that tile the body."""
-    from mpm_fenicsx.shapes import Stencil
+    from mpm_fenicsx.mapping.shape_functions import Stencil
 
     grid = Grid.box((0,) * dim, (1,) * dim, (5,) * dim)
     body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: ((x > 0.2) & (x < 0.6)).all(axis=0))

@@ -6,8 +6,10 @@ import pytest
 import ufl
 from dolfinx import fem
 
-from mpm_fenicsx import Grid, fenicsx, tensors
-from mpm_fenicsx.gauss import DEGREE, GaussField, GaussPoints, measure
+from mpm_fenicsx import Grid
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.grid import dolfinx_versions
+from mpm_fenicsx.grid.gauss_points import DEGREE, GaussField, GaussPoints, measure
 
 
 def bent(grid):
@@ -20,7 +22,7 @@ def bent(grid):
 
 def at_gauss(grid, gauss, expression):
     """A vector expression of UFL at the Gauss points (points, size)."""
-    Q = fenicsx.quadrature_space(grid.mesh, DEGREE, expression.ufl_shape[0])
+    Q = dolfinx_versions.quadrature_space(grid.mesh, DEGREE, expression.ufl_shape[0])
     sums = dense.vector(Q, ufl.inner(expression, ufl.TestFunction(Q)) * measure(grid.dx))
     return sums.reshape(len(gauss), -1) / gauss.volume[:, None]
 
@@ -85,10 +87,10 @@ def test_mean_volume_spreads_the_divergence_over_the_cell_and_leaves_the_deviato
     u = fem.Function(grid.space)
     u.x.array[:] = np.random.default_rng(3).normal(size=len(u.x.array))
     plain, mean = (GaussPoints(grid, how).strain(u.x.array.reshape(-1, dim)) for how in (False, True))
-    V = fenicsx.space(grid.mesh, "DQ", 0)
+    V = dolfinx_versions.space(grid.mesh, "DQ", 0)
     size = dense.vector(V, ufl.TestFunction(V) * measure(grid.dx))
     divergence = dense.vector(V, ufl.div(u) * ufl.TestFunction(V) * measure(grid.dx)) / size
-    divergence = divergence[fenicsx.cell_dofs(V)[:, 0]]
+    divergence = divergence[dolfinx_versions.cell_dofs(V)[:, 0]]
     np.testing.assert_allclose(mean[:, :3].sum(axis=1), np.repeat(divergence, 2**dim), atol=1e-12)
     np.testing.assert_allclose(GaussPoints(grid, True).mean_divergence(u.x.array.reshape(-1, dim)), divergence,
                                atol=1e-12)
@@ -102,10 +104,10 @@ def test_mean_volume_spreads_the_divergence_over_the_cell_and_leaves_the_deviato
 def test_volumes_are_the_weights_of_ufl(make, dim):
     grid = make(dim)
     gauss = GaussPoints(grid)
-    Q = fenicsx.quadrature_space(grid.mesh, DEGREE, 1)
+    Q = dolfinx_versions.quadrature_space(grid.mesh, DEGREE, 1)
     weights = dense.vector(Q, ufl.TestFunction(Q)[0] * measure(grid.dx))
     np.testing.assert_allclose(gauss.volume, weights, rtol=1e-13)
-    whole = fenicsx.assemble_scalar(fenicsx.compile_form(fem.Constant(grid.mesh, 1.0) * grid.dx))
+    whole = dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(fem.Constant(grid.mesh, 1.0) * grid.dx))
     assert gauss.volume.sum() == pytest.approx(whole, rel=1e-13)
     cells = gauss.volume.reshape(grid.cells, -1).sum(axis=1)
     np.testing.assert_allclose(gauss.size, np.repeat(cells ** (1 / dim), 2**dim), rtol=1e-13)
@@ -127,8 +129,8 @@ def test_forms_integrate_rows_as_sums_over_the_points(make, dim):
     gauss, field = GaussPoints(grid), GaussField(grid, 3)
     field.rows[:] = np.random.default_rng(4).normal(size=field.rows.shape)
     x = ufl.SpatialCoordinate(grid.mesh)
-    form = fenicsx.compile_form(ufl.inner(field.function, ufl.as_vector([1.0, x[0], x[1] ** 2])) * measure(grid.dx))
+    form = dolfinx_versions.compile_form(ufl.inner(field.function, ufl.as_vector([1.0, x[0], x[1] ** 2])) * measure(grid.dx))
     place = at_gauss(grid, gauss, x)
     weight = np.stack([np.ones(len(place)), place[:, 0], place[:, 1] ** 2], axis=1)
     by_hand = gauss.volume @ (field.rows * weight).sum(axis=1)
-    assert fenicsx.assemble_scalar(form) == pytest.approx(by_hand, rel=1e-12)
+    assert dolfinx_versions.assemble_scalar(form) == pytest.approx(by_hand, rel=1e-12)

@@ -27,10 +27,10 @@ from mpm_fenicsx import (
     Traction,
     Viscoelastic,
     VonMises,
-    forms,
-    tensors,
 )
-from mpm_fenicsx.motion import Motion
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.dynamics.motion import Motion
+from mpm_fenicsx.grid import weak_forms
 
 RADIUS = pytest.mark.parametrize("ρ, w", [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.8, 0.3), (0.8, 0.8), (1.0, 0.0),
                                           (1.0, 1.0)])
@@ -201,7 +201,7 @@ def test_forces_of_material_points_balance_inside_the_step(law, ρ, w):
             P = np.linalg.det(f)[:, None, None] * P @ np.linalg.inv(f).transpose(0, 2, 1)
         mean = (1 - αm) * motion.end()[1] + αm * motion.nodal(motion.a)
         g = np.array([3.0 + 4e3 * 1e-3 * (n + 1 - αf), -9.81])
-        M = dense.matrix(forms.inertia(run.scene.density, ufl.TrialFunction(grid.space), motion.w) * run.scene.dx)
+        M = dense.matrix(weak_forms.inertia(run.scene.density, ufl.TrialFunction(grid.space), motion.w) * run.scene.dx)
         inertia = M @ (mean - g).ravel()
         left = inertia + (1 - αf) * force(P) + αf * force(stress)
         free = ~run.equilibrium.fixed

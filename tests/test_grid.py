@@ -12,7 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_ranks import environment, mpiexec
 
-from mpm_fenicsx import Grid, fenicsx, partition
+from mpm_fenicsx import Grid
+from mpm_fenicsx.grid import dolfinx_versions, partition
 
 BITS = {d: np.array(list(product((0, 1), repeat=d)))[:, ::-1] for d in (2, 3)}
 
@@ -61,7 +62,7 @@ def test_patches_hold_the_nodes_within_a_cell(grid, hats, index):
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize("family", ["Lagrange", "DQ"])
 def test_tensor_order_runs_along_x_first(grid, family, degree):
-    V = fenicsx.space(grid.mesh, family, degree)
+    V = dolfinx_versions.space(grid.mesh, family, degree)
     lattice = grid.lattice
     digit = np.array(list(product(range(degree + 1), repeat=grid.dim)))[:, ::-1]
     wanted = lattice.lower[:, None] + digit / degree * (lattice.upper - lattice.lower)[:, None]
@@ -282,7 +283,7 @@ def test_grid_lines_that_do_not_increase_are_refused(line):
 @pytest.mark.parametrize("ranks", [1, 2, 3, 5])
 def test_owners_are_even_and_ghosts_are_the_vertex_neighbours(monkeypatch, grid, ranks):
     cells, x = grid.lattice.nodes.astype(np.int64), grid.space.tabulate_dof_coordinates()[:, : grid.dim]
-    monkeypatch.setattr(fenicsx, "create_mesh", lambda comm, x, cells, owners: owners(ranks))
+    monkeypatch.setattr(dolfinx_versions, "create_mesh", lambda comm, x, cells, owners: owners(ranks))
     offsets, destinations = partition.distribute(grid.comm, x, cells)
     given = [destinations[a:b] for a, b in pairwise(offsets)]
     owner = np.array([g[0] for g in given])

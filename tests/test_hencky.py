@@ -6,9 +6,11 @@ import dense
 import numpy as np
 import pytest
 
-from mpm_fenicsx import Hencky, LinearElastic, MaterialPoints, VonMises, logarithmic, tensors
-from mpm_fenicsx.finite_strain import product
-from mpm_fenicsx.kinematics import FINITE_STRAIN, SHEAR, SMALL_STRAIN, deformation, volume_ratio
+from mpm_fenicsx import Hencky, LinearElastic, MaterialPoints, VonMises
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.materials import hencky_strain
+from mpm_fenicsx.materials.kinematics import FINITE_STRAIN, SHEAR, SMALL_STRAIN, deformation, volume_ratio
+from mpm_fenicsx.response.finite_strain import product
 
 SOIL = Hencky(young=20e6, poisson=0.3, density=1500.0)
 LAW = VonMises(SOIL, peak=300e3, residual=100e3, softening=800e3)
@@ -129,7 +131,7 @@ def responses(body, f):
     strain, values, vectors = FINITE_STRAIN.trial(state, f - np.eye(dim), rows, rows)
     τ, _, D = law.tangent(strain, np.zeros_like(strain), body.history, None)
     P, A = np.empty((n, dim**2)), np.empty((n, dim**2 * (dim**2 + 1) // 2))
-    logarithmic.nominal(tuple(range(dim)), f, 1.0 / J, rows, rows, SHEAR[dim], tensors.in_plane(dim), τ, D, values,
+    hencky_strain.nominal(tuple(range(dim)), f, 1.0 / J, rows, rows, SHEAR[dim], tensors.in_plane(dim), τ, D, values,
                         vectors, P, A)
     return P.reshape(n, dim, dim), A
 

@@ -36,12 +36,13 @@ PROGRAM = """
 import sys, warnings
 warnings.simplefilter("ignore")
 import numpy as np
-from mpm_fenicsx import Grid, LinearElastic, kernels
+from mpm_fenicsx import Grid, LinearElastic
+from mpm_fenicsx.grid import cells
 cell = np.zeros(1, np.int32)
 bounds = np.zeros((1, 2)), np.ones((1, 2))
-kernels.walk(np.array([[0.5, 0.5]]), cell, *bounds, np.full((1, 2, 2), -1, np.int32))
+cells.walk(np.array([[0.5, 0.5]]), cell, *bounds, np.full((1, 2, 2), -1, np.int32))
 assert cell[0] == 0
-print("it walks", kernels.walk.stats.cache_path)
+print("it walks", cells.walk.stats.cache_path)
 """
 
 
@@ -49,7 +50,7 @@ print("it walks", kernels.walk.stats.cache_path)
 def test_a_place_where_nothing_can_be_written_is_no_hindrance(tmp_path, caches):
     """A file stands where __pycache__ would be, and the home is no folder: root cannot be kept out otherwise."""
     shutil.copytree(PACKAGE, tmp_path / "mpm_fenicsx", ignore=shutil.ignore_patterns("__pycache__"))
-    for folder in (tmp_path / "mpm_fenicsx", tmp_path / "mpm_fenicsx" / "materials"):
+    for folder in {source.parent for source in (tmp_path / "mpm_fenicsx").rglob("*.py")}:
         (folder / "__pycache__").write_text("")
     room = tmp_path / "room"
     room.mkdir()

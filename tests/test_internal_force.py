@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mpm_fenicsx import DM_GCL, GIMP, MPM, Fixed, Grid, MaterialPoints, Newmark, Simulation, tensors
-from mpm_fenicsx.internal_force import ConstantStress, LinearStress
-from mpm_fenicsx.shapes import Stencil
+from mpm_fenicsx import DM_GCL, GIMP, MPM, Fixed, Grid, MaterialPoints, Newmark, Simulation
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.mapping.internal_force import ConstantStress, LinearStress
+from mpm_fenicsx.mapping.shape_functions import Stencil
 
 
 def edges(line, rng):

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from mpm_fenicsx import kernels
-from mpm_fenicsx.shapes import Stencil
+from mpm_fenicsx.common.compiled import digits
+from mpm_fenicsx.grid.cells import walk
+from mpm_fenicsx.mapping import kernels
+from mpm_fenicsx.mapping.shape_functions import Stencil
 
 rng = np.random.default_rng(5)
 
@@ -28,7 +30,7 @@ def dense(stencil):
 
 def test_digits_count_with_the_first_direction_fastest():
     for base, dim in ((2, 2), (3, 2), (4, 3)):
-        table = kernels.digits(base, dim)
+        table = digits(base, dim)
         assert np.array_equal(table @ base ** np.arange(dim), np.arange(base**dim))
         assert table.min() == 0 and table.max() == base - 1
 
@@ -85,5 +87,5 @@ def test_walk_crosses_many_cells_at_once(grid):
     lattice = grid.lattice
     for start in range(grid.cells):
         cell = np.full(50, start, np.int32)
-        kernels.walk(x, cell, lattice.lower, lattice.upper, lattice.neighbour)
+        walk(x, cell, lattice.lower, lattice.upper, lattice.neighbour)
         assert ((lattice.lower[cell] <= x) & (x < lattice.upper[cell])).all()

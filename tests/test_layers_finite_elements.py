@@ -31,9 +31,9 @@ from mpm_fenicsx import (
     Viscous,
     VonMises,
 )
-from mpm_fenicsx.cell_materials import CellMaterials
-from mpm_fenicsx.lattice import SIDES
-from mpm_fenicsx.partition import distribute
+from mpm_fenicsx.grid.cells import SIDES
+from mpm_fenicsx.grid.partition import distribute
+from mpm_fenicsx.response.cell_materials import CellMaterials
 
 LOAD, G = 500.0, 9.81
 STIFFLY = Newton(tolerance=1e-12)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mpm_fenicsx import CMPM, DM, DM_C, DM_G, DM_GC, GIMP, MAPPINGS, MPM
-from mpm_fenicsx.projection import AT_POINTS, DOUBLE_MAPPED
+from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED
 
 
 @pytest.mark.parametrize("mapping, name, support, integrate, composite", [

@@ -24,9 +24,9 @@ from mpm_fenicsx import (
     RunError,
     Traction,
     Viscoelastic,
-    forms,
 )
-from mpm_fenicsx.newton import SolverError
+from mpm_fenicsx.common.errors import SolverError
+from mpm_fenicsx.grid import weak_forms
 
 
 class Scalar:
@@ -150,7 +150,7 @@ def test_the_scale_is_that_of_the_stress_and_not_of_what_elasticity_would_bear()
     shear = run.yielding.state[0, 3]
     assert shear < 0.04 * LAW.lame[1] * 25e-3
     τ = ufl.as_matrix([[0.0, shear], [shear, 0.0]])
-    exact = np.linalg.norm(dense.vector(grid.space, forms.internal_work(τ, run.motion.w) * grid.dx))
+    exact = np.linalg.norm(dense.vector(grid.space, weak_forms.internal_work(τ, run.motion.w) * grid.dx))
     assert run.equilibrium.scale(None) == pytest.approx(exact, rel=1e-9)
 
 

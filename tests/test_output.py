@@ -25,9 +25,9 @@ from mpm_fenicsx import (
     RunError,
     Simulation,
     Traction,
-    tensors,
 )
-from mpm_fenicsx.output import Snapshots
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.output.vtk import Snapshots
 
 SOIL = LinearElastic(20e6, 0.25, 1500.0)
 CELL = {2: "quad", 3: "hexahedron"}

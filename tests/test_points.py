@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mpm_fenicsx import Fixed, Grid, LinearElastic, MaterialPoints, QuasiStatic, Simulation, SurfacePoints, Traction
-from mpm_fenicsx.random_numbers import uniform
+from mpm_fenicsx.common.random_numbers import uniform
 
 SOIL = LinearElastic(young=5e6, poisson=0.3, density=1800.0)
 few = settings(max_examples=30, deadline=None)

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from petsc4py import PETSc
 from test_shapes import placed, strewn
 
-from mpm_fenicsx import MaterialPoints, fenicsx, forms
-from mpm_fenicsx.projection import AT_POINTS, DOUBLE_MAPPED, Projection
+from mpm_fenicsx import MaterialPoints
+from mpm_fenicsx.grid import dolfinx_versions, weak_forms
+from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED, Projection
 
 few = settings(max_examples=30, deadline=None)
 
@@ -26,9 +27,9 @@ def project(grid, integration, values, x, half=None):
 def matrix(grid, integrand, quadrature=AT_POINTS.quadrature):
     """Dense Jacobian of ∫ integrand(u, w), nodes and directions kept apart (nodes, dim, nodes, dim)."""
     u, w = ufl.TrialFunction(grid.space), ufl.TestFunction(grid.space)
-    form = fenicsx.compile_form(integrand(u, w) * grid.dx(metadata={"quadrature_degree": quadrature}))
-    A = fenicsx.create_matrix(form)
-    fenicsx.assemble_matrix(A, form, [])
+    form = dolfinx_versions.compile_form(integrand(u, w) * grid.dx(metadata={"quadrature_degree": quadrature}))
+    A = dolfinx_versions.create_matrix(form)
+    dolfinx_versions.assemble_matrix(A, form, [])
     A.assemble()
     size = range(grid.nodes * grid.dim)
     return A.getValues(np.array(size, PETSc.IntType), np.array(size, PETSc.IntType)).reshape(
@@ -54,7 +55,7 @@ def test_mass_matrix_is_the_point_sum(grid, hats, strewn_points):
     x, half, q = strewn_points
     ρ = project(grid, AT_POINTS, q, x, half).fields[0]
     wanted = np.einsum("ij,ab->iajb", hats.pairs(x, half, q[:, 0]), np.eye(grid.dim))
-    near(matrix(grid, lambda u, w: forms.inertia(ρ, u, w)), wanted)
+    near(matrix(grid, lambda u, w: weak_forms.inertia(ρ, u, w)), wanted)
 
 
 def test_stiffness_matrix_is_the_point_sum(grid, hats, strewn_points):
@@ -65,7 +66,7 @@ def test_stiffness_matrix_is_the_point_sum(grid, hats, strewn_points):
     with_λ, with_μ = (np.array([[hats.pairs(x, half, q[:, k], a, b) for b in dim] for a in dim]) for k in (1, 2))
     wanted = np.einsum("abij->iajb", with_λ) + np.einsum("baij->iajb", with_μ)
     wanted += np.einsum("ccij,ab->iajb", with_μ, np.eye(grid.dim))
-    near(matrix(grid, lambda u, w: forms.internal_work(forms.hooke(λ, μ, forms.strain(u)), w)), wanted)
+    near(matrix(grid, lambda u, w: weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w)), wanted)
 
 
 def test_moments_up_to_quadratics_are_the_point_sums(grid, points):
@@ -113,8 +114,8 @@ def test_nothing_is_lost(grid, hats, data):
 def test_the_quadrature_named_is_exact(grid, points, integration):
     """Mass and stiffness with the degree of the integration equal those with nine."""
     ρ, μ = project(grid, integration, points.volume[:, None] * np.array([1.0, 2.0]), points.x).fields
-    for integrand in (lambda u, w: forms.inertia(ρ, u, w),
-                      lambda u, w: forms.internal_work(forms.hooke(μ, μ, forms.strain(u)), w)):
+    for integrand in (lambda u, w: weak_forms.inertia(ρ, u, w),
+                      lambda u, w: weak_forms.internal_work(weak_forms.hooke(μ, μ, weak_forms.strain(u)), w)):
         near(matrix(grid, integrand, integration.quadrature), matrix(grid, integrand, 9))
 
 

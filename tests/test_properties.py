@@ -26,14 +26,14 @@ from mpm_fenicsx import (
     Simulation,
     VonMises,
     flip,
-    forms,
-    tensors,
     trapezoidal,
 )
-from mpm_fenicsx.composite import Composite
-from mpm_fenicsx.kinematics import FINITE_STRAIN
-from mpm_fenicsx.projection import AT_POINTS, DOUBLE_MAPPED, Projection
-from mpm_fenicsx.shapes import Stencil
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.grid import weak_forms
+from mpm_fenicsx.mapping.composite_patches import Composite
+from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED, Projection
+from mpm_fenicsx.mapping.shape_functions import Stencil
+from mpm_fenicsx.materials.kinematics import FINITE_STRAIN
 
 WHOLE = [Phase.explicit, Phase.reuse, Phase.generate]
 DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
@@ -149,7 +149,7 @@ def test_the_deposit_gives_the_grid_the_momentum_of_the_points(dim, data, mappin
     run.prepare(0.0, 1e-3)
     run.predict()
     for field, values in ((run.motion.v, body.velocity), (run.motion.a, body.acceleration)):
-        work = forms.inertia(run.scene.density, field, run.motion.w) * run.scene.dx
+        work = weak_forms.inertia(run.scene.density, field, run.motion.w) * run.scene.dx
         on_grid = dense.vector(run.grid.space, work).reshape(-1, dim).sum(axis=0)
         np.testing.assert_allclose(on_grid, body.mass @ values, rtol=0, atol=1e-12 * (body.mass @ np.abs(values)).max())
 

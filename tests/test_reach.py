@@ -25,8 +25,8 @@ from mpm_fenicsx import (
     Viscoelastic,
     Viscous,
 )
-from mpm_fenicsx.reach import check_reach, partly_filled
-from mpm_fenicsx.shapes import Stencil
+from mpm_fenicsx.mapping.shape_functions import Stencil
+from mpm_fenicsx.terms.reach import check_reach, partly_filled
 
 STEPPINGS = {"dynamic": Newmark(1e-3), "static": QuasiStatic(2)}
 

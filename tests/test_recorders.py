@@ -26,9 +26,9 @@ from mpm_fenicsx import (
     Viscoelastic,
     Viscous,
     VonMises,
-    tensors,
 )
-from mpm_fenicsx.inside import among
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.points.inside import among
 
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 KINDS = pytest.mark.parametrize("kind", ["FE", "points"])

@@ -21,12 +21,12 @@ from mpm_fenicsx import (
     Traction,
     Viscous,
     VonMises,
-    fenicsx,
 )
-from mpm_fenicsx.kept import at_quadrature
-from mpm_fenicsx.projection import AT_POINTS, DOUBLE_MAPPED
+from mpm_fenicsx.grid import dolfinx_versions
+from mpm_fenicsx.mapping.lagged_properties import at_quadrature
+from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED
 
-pytestmark = pytest.mark.skipif(not fenicsx.FORMS_FOLLOW, reason="forms of DOLFINx 0.5 go over all cells")
+pytestmark = pytest.mark.skipif(not dolfinx_versions.FORMS_FOLLOW, reason="forms of DOLFINx 0.5 go over all cells")
 
 
 def slide(dim, mapping, reuse, speed=3.0, size=6, extra=(), b_bar=False):
@@ -43,8 +43,8 @@ def matrix_of(run):
     """The step's matrix as it is, and anew of the same fields."""
     equilibrium = run.equilibrium
     found = dense.dense(equilibrium.matrix)
-    A = fenicsx.create_matrix(equilibrium._tangent, "aij")
-    fenicsx.assemble_matrix(A, equilibrium._tangent, equilibrium.bcs)
+    A = dolfinx_versions.create_matrix(equilibrium._tangent, "aij")
+    dolfinx_versions.assemble_matrix(A, equilibrium._tangent, equilibrium.bcs)
     A.assemble()
     return found, dense.dense(A)
 

@@ -27,7 +27,7 @@ from mpm_fenicsx import (
     Viscoelastic,
     Viscous,
 )
-from mpm_fenicsx.loads import as_load
+from mpm_fenicsx.terms.load_functions import as_load
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from test_kernels import dense
 
 from mpm_fenicsx import Grid, MaterialPoints
-from mpm_fenicsx.shapes import Stencil
+from mpm_fenicsx.mapping.shape_functions import Stencil
 
 
 def placed(grid, x, half=None):

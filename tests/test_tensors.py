@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mpm_fenicsx import tensors
+from mpm_fenicsx.common import tensors
 
 rng = np.random.default_rng(1)
 

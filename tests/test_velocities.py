@@ -19,12 +19,11 @@ from mpm_fenicsx import (
     MaterialPoints,
     Newmark,
     Simulation,
-    fenicsx,
     flip,
-    forms,
     trapezoidal,
 )
-from mpm_fenicsx.projection import AT_POINTS, DOUBLE_MAPPED
+from mpm_fenicsx.grid import dolfinx_versions, weak_forms
+from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED
 
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 SWEEPS = pytest.mark.parametrize("sweeps", [0, 1, 3])
@@ -74,7 +73,7 @@ def test_sweeps_leave_the_momentum_and_summed_mass_gives_that_of_the_points(dim,
     for sweeps in (0, 1, 3):
         run = scene(dim, mapping, sweeps, np.random.default_rng(1))
         deposited(run)
-        work = forms.inertia(run.scene.density, run.motion.v, run.motion.w) * run.scene.dx
+        work = weak_forms.inertia(run.scene.density, run.motion.v, run.motion.w) * run.scene.dx
         found.append(dense.vector(run.grid.space, work).reshape(-1, dim).sum(axis=0))
     at_points = sum(body.mass @ body.velocity for body in run.bodies)
     scale = sum(body.mass @ np.abs(body.velocity) for body in run.bodies).max()
@@ -91,7 +90,7 @@ def test_double_mapped_mass_gives_the_momentum_of_the_points_where_the_grid_is_f
     body.velocity = rng.normal(size=body.x.shape)
     run = Simulation(grid, body, Newmark(1e-3), [], mapping)
     deposited(run)
-    work = forms.inertia(run.scene.density, run.motion.v, run.motion.w) * run.scene.dx
+    work = weak_forms.inertia(run.scene.density, run.motion.v, run.motion.w) * run.scene.dx
     on_grid = dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0)
     np.testing.assert_allclose(on_grid, body.mass @ body.velocity, atol=1e-10 * body.mass.sum())
 
@@ -195,8 +194,8 @@ def test_a_body_that_falls_with_constant_acceleration_is_where_it_should_be(mapp
 
 def test_sweeps_are_paid_for_only_where_they_are_asked_for(monkeypatch):
     compiled = []
-    compile_form = fenicsx.compile_form
-    monkeypatch.setattr(fenicsx, "compile_form", lambda form: (compiled.append(1), compile_form(form))[1])
+    compile_form = dolfinx_versions.compile_form
+    monkeypatch.setattr(dolfinx_versions, "compile_form", lambda form: (compiled.append(1), compile_form(form))[1])
     counts = []
     for sweeps in (0, 2):
         compiled.clear()

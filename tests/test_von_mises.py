@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import root
 
-from mpm_fenicsx import tensors
-from mpm_fenicsx.kernels import jit
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.common.compiled import jit
 from mpm_fenicsx.materials import LinearElastic, VonMises
 from mpm_fenicsx.materials.von_mises import respond_point, tangent_point
 

@@ -28,8 +28,8 @@ from mpm_fenicsx import (
     Simulation,
     Traction,
     VonMises,
-    tensors,
 )
+from mpm_fenicsx.common import tensors
 
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import between, positive
-from ..kinematics import SMALL_STRAIN
+from ..common.checks import between, positive
+from .kinematics import SMALL_STRAIN
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..kinematics import FINITE_STRAIN
 from .elastic import LinearElastic
+from .kinematics import FINITE_STRAIN
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from ..checks import finite, positive
-from ..kernels import jit
+from ..common.checks import finite, positive
+from ..common.compiled import jit
 from .elastic import LinearElastic
 
 SQRT3 = math.sqrt(3.0)

@@ -22,7 +22,7 @@ from mpm_fenicsx import (
     Traction,
     Viscous,
 )
-from mpm_fenicsx.exact import relative_error
+from mpm_fenicsx.analytical.waves import relative_error
 
 pytestmark = pytest.mark.validation
 

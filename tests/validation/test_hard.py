@@ -19,7 +19,8 @@ from mpm_fenicsx import (
     Simulation,
     Traction,
 )
-from mpm_fenicsx.exact import Column, relative_error
+from mpm_fenicsx.analytical.column import Column
+from mpm_fenicsx.analytical.waves import relative_error
 
 pytestmark = pytest.mark.validation
 

@@ -23,7 +23,7 @@ from mpm_fenicsx import (
     Traction,
     Viscous,
 )
-from mpm_fenicsx.exact import rayleigh_speed
+from mpm_fenicsx.analytical.waves import rayleigh_speed
 
 pytestmark = pytest.mark.validation
 

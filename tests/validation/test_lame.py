@@ -19,7 +19,7 @@ from mpm_fenicsx import (
     SurfacePoints,
     Traction,
 )
-from mpm_fenicsx.exact import thick_cylinder
+from mpm_fenicsx.analytical.waves import thick_cylinder
 
 pytestmark = pytest.mark.validation
 

@@ -6,18 +6,7 @@ import numpy as np
 import pytest
 from methods import LINEAR, STRESS_LOST, TILING, name, over
 
-from mpm_fenicsx import (
-    DM_GC,
-    DM_GCL,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    Hencky,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-)
+from mpm_fenicsx import DM_GC, DM_GCL, FiniteElements, Fixed, Gravity, Grid, Hencky, MaterialPoints, Newmark, Simulation
 
 pytestmark = pytest.mark.validation
 

@@ -24,8 +24,8 @@ from mpm_fenicsx import (
     Simulation,
     Viscous,
 )
-from mpm_fenicsx.exact import dashpot_echo
-from mpm_fenicsx.projection import DOUBLE_MAPPED
+from mpm_fenicsx.analytical.waves import dashpot_echo
+from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 
 pytestmark = pytest.mark.validation
 

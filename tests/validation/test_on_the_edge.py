@@ -8,18 +8,7 @@ import numpy as np
 import pytest
 from methods import LOST, MAPPED
 
-from mpm_fenicsx import (
-    CMPM,
-    MPM,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    RunError,
-    Simulation,
-    Traction,
-)
+from mpm_fenicsx import CMPM, MPM, Fixed, Grid, LinearElastic, MaterialPoints, Newmark, RunError, Simulation, Traction
 
 pytestmark = pytest.mark.validation
 

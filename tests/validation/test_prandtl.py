@@ -11,7 +11,7 @@ import prandtl
 from methods import NOT_DERIVED, POINTS, STRAINS_APART, over
 
 from mpm_fenicsx import CMPM, GIMP
-from mpm_fenicsx.projection import DOUBLE_MAPPED
+from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 
 DOUBLE = tuple(mapping for mapping in POINTS if mapping.integrate is DOUBLE_MAPPED)
 LOCKS = "bilinear cells lock without B-bar"

@@ -1,0 +1,1 @@
+"""Tensors, checks, errors, compiled loops, files and ranks: what every room uses."""

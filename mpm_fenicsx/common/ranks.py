@@ -1,0 +1,54 @@
+"""What ranks agree on: messages, failures, and who keeps what."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from mpi4py import MPI
+
+import numpy as np
+
+
+def anywhere(comm: MPI.Comm, message: str | None) -> str | None:
+    """The first message that a rank has, on every rank: all stop together, or none does."""
+    if comm.size == 1:
+        return message
+    return next((m for m in comm.allgather(message) if m is not None), None)
+
+
+@contextmanager
+def together(comm: MPI.Comm) -> Iterator[None]:
+    """Make a ``ValueError`` of one rank one of every rank.  Nothing inside may be collective."""
+    message = cause = None
+    try:
+        yield
+    except ValueError as error:
+        message, cause = str(error), error
+    message = anywhere(comm, message)
+    if message:
+        raise ValueError(message) from cause
+
+
+def keepers(comm: MPI.Comm, things: np.ndarray, own: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Which rank is to keep each of this rank's things (n,), so that one does of all ranks that have it.
+
+    ``things`` (n, k): numbers that say what it is, the same wherever it is; ``own`` (n,): it lies in this rank's cells;
+    ``known`` (n,): in its cells or ghosts.  It is the rank whose own it is or, where none such has it, the first that
+    knows its cell; -1 if none does.  Collective.
+    """
+    nobody, mine = 2 * comm.size, np.flatnonzero(~own)
+    keeper = np.where(own, comm.rank, -1)
+    asked = comm.allgather(things[mine])  # few: what lies in ghost cells, or everything where all ranks have all
+    if not sum(map(len, asked)):
+        return keeper
+    _, which = np.unique(np.concatenate((things, *asked)), axis=0, return_inverse=True)
+    which = which.ravel()
+    best = np.full(len(which), nobody)
+    np.minimum.at(best, which[: len(things)], np.where(own, comm.rank, np.where(known, comm.size + comm.rank, nobody)))
+    answer = best[which[len(things) :]]
+    comm.Allreduce(MPI.IN_PLACE, answer, op=MPI.MIN)
+    start = sum(map(len, asked[: comm.rank]))
+    answer = answer[start : start + len(mine)]
+    keeper[mine] = np.where(answer < nobody, answer % comm.size, -1)
+    return keeper

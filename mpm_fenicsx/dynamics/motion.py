@@ -1,0 +1,131 @@
+"""The motion of one step on the grid, as fields and as UFL expressions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from ..common.compiled import jit
+from ..grid import dolfinx_versions
+from ..grid.active_cells import Region
+from ..grid.grid import Grid
+from .time_stepping import Newmark, QuasiStatic
+
+VANISHING = 1e-16
+"""Of the step: its square is so small that stiffness is nothing beside inertia, up to Courant numbers of 1e3."""
+
+
+class KnownMotion:
+    """Motion of nodes that is given: what ``prescribed`` says of them, step by step.
+
+    ``dofs`` (n,): which; ``increment`` (m) of the step; ``before`` and ``after`` it (2,), velocity (m/s) and
+    acceleration (m/s²).
+    """
+
+    def __init__(self, dofs: np.ndarray, prescribed):
+        self.dofs, self.prescribed = dofs, prescribed
+        self.increment, self.before, self.after = 0.0, np.zeros(2), np.zeros(2)
+
+    def prepare(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
+        """Bring it to the step from ``start`` to ``end`` (s)."""
+        self.increment, self.before[:], self.after[:] = self.prescribed.step(start, end, stepping)
+
+
+class Motion:
+    """Displacement increment ``u`` of the step and, in dynamics, velocity ``v`` and acceleration ``a`` before it.
+
+    Forms integrate over the cells of ``region``.  ``velocity`` and ``acceleration`` are the expressions in the balance
+    of forces (see ``time_stepping``), affine in u; their factors are constants, so that a new time step compiles
+    nothing.
+    """
+
+    def __init__(self, grid: Grid, stepping: Newmark | QuasiStatic):
+        self.grid, self.stepping, self.region = grid, stepping, Region(grid)
+        self.u = fem.Function(grid.space, name="displacement")
+        self.w = ufl.TestFunction(grid.space)
+        self.at_rest: list[np.ndarray] = []  # dofs that do not move
+        self.moved: list[KnownMotion] = []
+        if stepping.dynamic:
+            self.v = fem.Function(grid.space, name="velocity")
+            self.a = fem.Function(grid.space, name="acceleration")
+            self._factors = [fem.Constant(grid.mesh, np.zeros(3)) for _ in range(2)]
+            self.dt = fem.Constant(grid.mesh, np.array(0.0))
+            self.use(stepping)
+            fields = (self.u, self.v, self.a)
+            self.velocity, self.acceleration = (sum(c[i] * f for i, f in enumerate(fields)) for c in self._factors)
+
+    def use(self, stepping: Newmark | QuasiStatic) -> None:
+        """Take the factors of another time step."""
+        self.stepping = stepping
+        if not stepping.dynamic:
+            return
+        for constant, factors in zip(self._factors, stepping.balanced, strict=True):
+            constant.value[:] = factors
+        self.dt.value = np.array(stepping.dt)
+
+    def known(self, force):
+        """A force that was there before the step, constant in it, as it counts in the balance."""
+        start = self.stepping.start
+        return force if start == 0.0 else fem.Constant(self.grid.mesh, np.array(1.0 + start)) * force
+
+    def nodal(self, f: fem.Function) -> np.ndarray:
+        """Values of a vector field, a view (nodes, dim)."""
+        return f.x.array.reshape(-1, self.grid.dim)
+
+    @contextmanager
+    def vanishing_step(self) -> Iterator[float]:
+        """Within, forms are those of a step so short that inertia alone resists: u times the number given is the
+        acceleration at its end, and velocity is that before it."""
+        factor, known = 1.0 / (VANISHING * self.stepping.dt**2), 1.0 + self.stepping.start
+        self._factors[0].value[:] = 0.0, known, 0.0
+        self._factors[1].value[:] = factor, 0.0, 0.0
+        yield factor / known
+        self.use(self.stepping)
+
+    def know_start(self, v: np.ndarray, a: np.ndarray) -> None:
+        """Give nodal velocity and acceleration (nodes, dim) before the step what is known of them."""
+        self._know(v, a, [known.before for known in self.moved])
+
+    def _know(self, v: np.ndarray, a: np.ndarray, of_moved: list[np.ndarray]) -> None:
+        for dofs in self.at_rest:
+            node, component = np.divmod(dofs, self.grid.dim)
+            v[node, component] = a[node, component] = 0.0
+        for known, (velocity, acceleration) in zip(self.moved, of_moved, strict=True):
+            node, component = np.divmod(known.dofs, self.grid.dim)
+            v[node, component], a[node, component] = velocity, acceleration
+
+    def end(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodal velocity and acceleration (nodes, dim) at the end of the step."""
+        u, v, a = self.nodal(self.u), self.nodal(self.v), self.nodal(self.a)
+        found = np.empty_like(u), np.empty_like(u)
+        _affine(self.stepping.velocity, self.stepping.acceleration, u, v, a, *found)
+        self._know(*found, [known.after for known in self.moved])
+        return found
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Arrays that a restart needs, not copied."""
+        fields = {"u": self.u, "v": self.v, "a": self.a} if self.stepping.dynamic else {"u": self.u}
+        return {name: f.x.array for name, f in fields.items()}
+
+    def clear(self) -> None:
+        """Start a step: no displacement yet but the given one."""
+        self.u.x.array[:] = 0.0
+        for known in self.moved:
+            self.u.x.array[known.dofs] = known.increment
+
+    def share(self) -> None:
+        """Give the increment to the ghosts."""
+        dolfinx_versions.share(self.u)
+
+
+@jit
+def _affine(c, d, u, v, a, first, second):
+    """c·(u, v, a) and d·(u, v, a), in one go over nodal values (nodes, dim)."""
+    for i in range(u.shape[0]):
+        for k in range(u.shape[1]):
+            first[i, k] = c[0] * u[i, k] + c[1] * v[i, k] + c[2] * a[i, k]
+            second[i, k] = d[0] * u[i, k] + d[1] * v[i, k] + d[2] * a[i, k]

@@ -1,0 +1,1 @@
+"""The background grid, and everything that knows DOLFINx."""

@@ -1,0 +1,226 @@
+"""The names that differ between DOLFINx 0.5 (Debian) and 0.11 (wheel), and nothing else."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from types import SimpleNamespace
+
+from mpi4py import MPI  # before dolfinx: the wheel's dolfinx finds its MPI through it
+
+import dolfinx
+import dolfinx.fem.petsc
+import numpy as np
+import ufl
+from dolfinx import fem, graph, la
+
+from . import form_compiler
+
+version = dolfinx.__version__
+_recent = hasattr(fem, "functionspace")
+_SHAPES = {2: "quadrilateral", 3: "hexahedron"}
+# sums may be taken in another order, which vector units need; NaN stays NaN; -O3 compiles twice as long for nothing
+_JIT = {"cffi_extra_compile_args": ["-O2", "-ftree-vectorize", "-fvect-cost-model=dynamic", "-march=native",
+                                    "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros",
+                                    "-fassociative-math", "-freciprocal-math"]}
+FORMS_FOLLOW = _recent
+"""Whether forms take up other cells of a ``cell_measure``."""
+MATERIAL = 1
+"""The mark of the cells of a ``cell_measure``."""
+_ADD = la.InsertMode.add if _recent else la.ScatterMode.add
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without the compiler lines that DOLFINx 0.5 logs."""
+    disabled = logging.root.manager.disable
+    logging.disable(logging.INFO)
+    try:
+        yield
+    finally:
+        logging.disable(disabled)
+
+
+def space(mesh, family: str, degree: int, shape: tuple[int, ...] = ()):
+    """Function space on ``mesh``; "Lagrange", or "DQ" for the discontinuous one on quadrilaterals."""
+    if _recent:
+        return fem.functionspace(mesh, (family, degree, shape) if shape else (family, degree))
+    make = partial(fem.VectorFunctionSpace, dim=shape[0]) if shape else fem.FunctionSpace
+    with _quiet():
+        return form_compiler.build(mesh.comm, partial(make, mesh, (family, degree)))
+
+
+def quadrature_space(mesh, degree: int, size: int):
+    """Space of ``size`` numbers at the quadrature points of ``degree``; forms must integrate with that degree."""
+    if _recent:
+        import basix.ufl
+
+        element = basix.ufl.quadrature_element(mesh.topology.cell_name(), value_shape=(size,), degree=degree)
+        return fem.functionspace(mesh, element)
+    element = ufl.VectorElement("Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default")
+    with _quiet():
+        return form_compiler.build(mesh.comm, partial(fem.FunctionSpace, mesh, element))
+
+
+def cell_dofs(V) -> np.ndarray:
+    """Blocked dofs of each local and ghost cell (cells, dofs per cell)."""
+    table = V.dofmap.list if _recent else V.dofmap.list.array
+    return np.asarray(table, dtype=np.int32).reshape(-1, V.dofmap.dof_layout.num_dofs)
+
+
+def cell_vertices(mesh) -> np.ndarray:
+    """Geometry nodes of each local and ghost cell (cells, 2^dim)."""
+    geometry = mesh.geometry
+    table = geometry.dofmaps[0] if hasattr(geometry, "dofmaps") else geometry.dofmap.array
+    return np.asarray(table, dtype=np.int32).reshape(-1, 2**mesh.topology.dim)
+
+
+def cell_measure(mesh, cells: np.ndarray):
+    """Measure of the cells, and the list [(MATERIAL, cells)] that says which; 0.5 takes all, whatever the list."""
+    domains = [(MATERIAL, cells)]
+    if not _recent:
+        return ufl.Measure("dx", domain=mesh), domains
+    return ufl.Measure("dx", domain=mesh, subdomain_data=domains, subdomain_id=MATERIAL), domains
+
+
+def facet_measure(mesh, facets: np.ndarray):
+    """Measure of interior facets given as rows (facets, 4): a cell and the facet's number in it, on both sides; and the
+    list that says which.  0.5 takes all, whatever the list."""
+    domains = [(MATERIAL, facets)]
+    if not _recent:
+        return ufl.Measure("dS", domain=mesh), domains
+    return ufl.Measure("dS", domain=mesh, subdomain_data=domains, subdomain_id=MATERIAL), domains
+
+
+def interior_facets(mesh) -> np.ndarray:
+    """All facets of this rank between two cells, rows for ``facet_measure``; 0.5 needs none."""
+    if not _recent:
+        return np.zeros((0, 4), dtype=np.int32)
+    topology, dim = mesh.topology, mesh.topology.dim
+    topology.create_connectivity(dim - 1, dim)
+    topology.create_connectivity(dim, dim - 1)
+    between = np.flatnonzero(np.diff(topology.connectivity(dim - 1, dim).offsets) == 2).astype(np.int32)
+    return fem.compute_integration_domains(fem.IntegralType.interior_facet, topology, between).reshape(-1, 4)
+
+
+def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callable):
+    """Mesh of quadrilaterals or hexahedra, distributed as told.
+
+    ``x`` (points, dim) and ``cells`` (cells, 2^dim), vertices in tensor order, are given on rank 0 and empty
+    elsewhere; ``owners(ranks)`` returns offsets and, for every cell, its owner and then its ghosts' ranks.
+    """
+    dim = x.shape[1]
+
+    def partitioner(_comm, ranks, *_):
+        offsets, destinations = owners(ranks)
+        offsets, destinations = offsets.astype(np.int32), destinations.astype(np.int32)
+        if _recent:
+            return graph.adjacencylist(destinations, offsets)._cpp_object
+        return graph.create_adjacencylist(destinations, offsets)
+
+    if _recent:
+        import basix.ufl
+
+        element = basix.ufl.element("Lagrange", _SHAPES[dim], 1, shape=(dim,))
+        return dolfinx.mesh.create_mesh(comm, cells, element, x, partitioner)
+    domain = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.Cell(_SHAPES[dim], dim), 1))
+    return dolfinx.mesh.create_mesh(comm, cells, x, domain, dolfinx.mesh.GhostMode.shared_facet, partitioner)
+
+
+def compile_form(form):
+    """A compiled form, a list of parts to be added up; None for the empty sum of terms.
+
+    One-point rules go into a kernel of their own: beside them FFCx (0.5 to 0.11) gives the other rules of a kernel
+    the coefficients of that point (what is the same at all points of a rule is kept once for all rules).
+    """
+    if form is None or (isinstance(form, (int, float)) and form == 0) or form.empty():
+        return None
+    options = {"jit_options" if _recent else "jit_params": _JIT}
+    with _quiet():
+        one = [part for part in form.integrals() if part.metadata().get("quadrature_degree", 2) < 2]
+        rest = [part for part in form.integrals() if part not in one]
+        parts = [ufl.Form(rest), ufl.Form(one)] if one and rest else [form]
+        comm = form.ufl_domain().ufl_cargo().comm
+        make = _Form if _recent else lambda part, options: fem.form(part, **options)
+        return [form_compiler.build(comm, partial(make, part, options)) for part in parts]
+
+
+class _Form:
+    """A form of DOLFINx 0.11 that is made anew when the cells or facets of its measures change: the code stays."""
+
+    def __init__(self, form, options: dict):
+        (self.domain,), self.form = form.subdomain_data(), form
+        self.compiled = fem.compile_form(self.domain.ufl_cargo().comm, form, **options)
+        self.made, self.where = None, [None]
+
+    @property
+    def now(self):
+        """The form over what its measures have now."""
+        data = self.form.subdomain_data()[self.domain]
+        listed = [cells for marks in data.values() if isinstance(marks[0], list) for _, cells in marks[0]]
+        if len(listed) != len(self.where) or any(a is not b for a, b in zip(listed, self.where, strict=True)):
+            from dolfinx.fem import forms
+
+            ids, ufcx = {}, self.compiled.ufcx_form
+            for k, kind in enumerate(fem.IntegralType):
+                ids[kind] = [ufcx.form_integral_ids[j]
+                             for j in range(ufcx.form_integral_offsets[k], ufcx.form_integral_offsets[k + 1])]
+            where = {forms._ufl_to_dolfinx_domain[name]: marks[0] for name, marks in data.items()}
+            where = {kind: [at for at in marks if at[0] in ids[kind]] if isinstance(marks, list) else marks
+                     for kind, marks in where.items()}
+            where = {kind: forms.get_integration_domains(kind, marks, ids[kind]) for kind, marks in where.items()}
+            mesh = SimpleNamespace(_cpp_object=self.domain.ufl_cargo())
+            self.made = fem.create_form(
+                self.compiled, [a.ufl_function_space() for a in self.form.arguments()], mesh, where,
+                {c: c for c in self.form.coefficients()}, {c: c for c in self.form.constants()})
+            self.where = listed
+        return self.made
+
+
+def _parts(form) -> list:
+    return [part.now if _recent else part for part in form]
+
+
+def gather(f: fem.Function) -> None:
+    """Add what ghosts hold to their owners, then give owners' values to the ghosts."""
+    if f.function_space.mesh.comm.size > 1:
+        f.x.scatter_reverse(_ADD)
+        f.x.scatter_forward()
+
+
+def gather_to_owner(f: fem.Function) -> None:
+    """Add what ghosts hold to their owners."""
+    if f.function_space.mesh.comm.size > 1:
+        f.x.scatter_reverse(_ADD)
+
+
+def share(f: fem.Function) -> None:
+    """Give owners' values to the ghosts."""
+    if f.function_space.mesh.comm.size > 1:
+        f.x.scatter_forward()
+
+
+def create_matrix(form, kind: str | None = None):
+    """PETSc matrix with the sparsity of ``form``; ``kind`` is PETSc's name of the format, "baij" for dense blocks."""
+    return fem.petsc.create_matrix(_parts(form)[0], kind)
+
+
+def assemble_matrix(A, form, bcs) -> None:
+    """Add the form to A, rows and columns of ``bcs`` left empty but for a unit diagonal."""
+    for number, part in enumerate(_parts(form)):
+        if number:
+            A.assemble(True)  # flushes: the diagonal was set, now is added to
+        fem.petsc.assemble_matrix(A, part, bcs=bcs)
+
+
+def assemble_vector(b: fem.Function, form) -> None:
+    """Add the form to the local and ghost values of b."""
+    for part in _parts(form):
+        fem.assemble_vector(b.x.array, part)
+
+
+def assemble_scalar(form) -> float:
+    """Value of the form on this rank."""
+    return sum(fem.assemble_scalar(part) for part in _parts(form))

@@ -1,0 +1,124 @@
+"""The Gauss points of a grid: strain there, and fields of numbers there that forms can read."""
+
+from __future__ import annotations
+
+import basix
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from ..common import tensors
+from ..common.compiled import digits, jit
+from . import dolfinx_versions
+from .grid import Grid
+
+DEGREE = 3
+
+
+@jit
+def _strain(nodes, slopes, mean, shear, u, out):
+    """Strain rows at Gauss points: ``slopes`` (cells, q, k, dim); ``mean`` the same at centres (or empty)."""
+    dim = u.shape[1]
+    g = np.zeros((dim, dim))
+    for c in range(len(nodes)):
+        centre = 0.0
+        for k in range(mean.shape[1]):
+            for i in range(dim):
+                centre += u[nodes[c, k], i] * mean[c, k, i]
+        for q in range(slopes.shape[1]):
+            g[:] = 0.0
+            for k in range(nodes.shape[1]):
+                for i in range(dim):
+                    for j in range(dim):
+                        g[i, j] += u[nodes[c, k], i] * slopes[c, q, k, j]
+            row = out[c * slopes.shape[1] + q]
+            trace = 0.0
+            for i in range(dim):
+                trace += g[i, i]
+            shift = (centre - trace) / 3.0 if mean.shape[1] else 0.0
+            for i in range(3):
+                row[i] = shift + (g[i, i] if i < dim else 0.0)
+            for k in range(len(shear)):
+                row[3 + k] = g[shear[k, 0], shear[k, 1]] + g[shear[k, 1], shear[k, 0]]
+
+
+class GaussPoints:
+    """2^dim Gauss points a cell, of all local and ghost cells, numbered cell by cell.
+
+    ``digit`` (cells, 2^dim, dim): 0 for the lower one along each direction of a rectilinear grid, 1 for the upper;
+    ``volume`` (points,), m³: the weight of each in an integral.
+    """
+
+    def __init__(self, grid: Grid, mean_volume: bool = False):
+        self.grid = grid
+        x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][..., : grid.dim]
+        kind = basix.CellType.quadrilateral if grid.dim == 2 else basix.CellType.hexahedron
+        places, weights = basix.make_quadrature(kind, DEGREE)
+        corner = digits(2, grid.dim)
+        values, slopes = _trilinear(places, corner)
+        jacobian = np.einsum("cki,qkj->cqij", x, slopes)
+        self._nodes = dolfinx_versions.cell_dofs(grid.space)
+        self._slopes = np.ascontiguousarray(np.einsum("qkj,cqji->cqki", slopes, np.linalg.inv(jacobian)))
+        self._volumes = np.abs(np.linalg.det(jacobian)) * weights
+        self.volume = self._volumes.ravel()
+        self._mean = np.zeros((len(x), 0, grid.dim))
+        if mean_volume:
+            share = self._volumes / self._volumes.sum(axis=1, keepdims=True)
+            self._mean = np.einsum("cq,cqki->cki", share, self._slopes)
+        place = np.einsum("qk,cki->cqi", values, x)
+        self.digit = (place > x.mean(axis=1)[:, None]).astype(np.int8)
+        self._shear = np.array(tensors.SHEAR[grid.dim])
+
+    @property
+    def size(self) -> np.ndarray:
+        """Size of the cell of each point (points,), m."""
+        volume = self._volumes.sum(axis=1)
+        return np.repeat(volume ** (1 / self.grid.dim), self._volumes.shape[1])
+
+    def __len__(self) -> int:
+        return len(self.volume)
+
+    def strain(self, u: np.ndarray) -> np.ndarray:
+        """Strain rows (points, components) of nodal displacements (nodes, dim)."""
+        out = np.empty((len(self), tensors.components(self.grid.dim)))
+        _strain(self._nodes, self._slopes, self._mean, self._shear, u, out)
+        return out
+
+    def gradient(self, u: np.ndarray) -> np.ndarray:
+        """Gradients (points, dim, dim) of nodal displacements (nodes, dim)."""
+        dim = self.grid.dim
+        return np.matmul(u[self._nodes].transpose(0, 2, 1)[:, None], self._slopes).reshape(-1, dim, dim)
+
+    def mean_divergence(self, u: np.ndarray) -> np.ndarray:
+        """Mean volumetric strain of each cell (cells,)."""
+        return np.einsum("cki,cki->c", self._mean, u[self._nodes])
+
+
+class GaussField:
+    """``size`` numbers at every Gauss point, as a coefficient of forms and as rows (points, size)."""
+
+    def __init__(self, grid: Grid, size: int):
+        self.function = fem.Function(dolfinx_versions.quadrature_space(grid.mesh, DEGREE, size))
+        dofs = dolfinx_versions.cell_dofs(self.function.function_space).ravel()
+        if not np.array_equal(dofs, np.arange(len(dofs))):
+            raise RuntimeError("Gauss points are not numbered cell by cell in this DOLFINx")
+        self.rows = self.function.x.array.reshape(-1, size)
+
+    def gather(self) -> None:
+        """Add what ghost cells hold to their owners."""
+        dolfinx_versions.gather(self.function)
+
+
+def measure(dx: ufl.Measure) -> ufl.Measure:
+    """``dx`` by a sum over the Gauss points."""
+    return dx(metadata={"quadrature_degree": DEGREE, "quadrature_scheme": "default"})
+
+
+def _trilinear(places: np.ndarray, corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Bilinear (trilinear) shape functions (q, k) and their slopes (q, k, dim) at reference places (q, dim)."""
+    dim = corner.shape[1]
+    one = np.where(corner, places[:, None], 1.0 - places[:, None])
+    slopes = np.empty((*one.shape[:2], dim))
+    for d in range(dim):
+        slopes[..., d] = (2 * corner[:, d] - 1) * np.delete(one, d, axis=2).prod(axis=2)
+    return one.prod(axis=2), slopes

@@ -1,0 +1,347 @@
+"""The background grid: a dolfinx mesh, its named facets, and who lies beside whom."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from mpi4py import MPI
+
+import numpy as np
+import ufl
+from dolfinx import mesh as dmesh
+
+from ..common.checks import an_object, finite, increasing, one_of, several, whole
+from ..common.compiled import digits
+from ..common.files import failing_together
+from ..common.ranks import together
+from . import dolfinx_versions
+from .cells import SIDES, Lattice, beside, walk
+from .partition import distribute
+
+Locator = Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class GridSurface:
+    """Facets on the edge of a grid: the union of named sets."""
+
+    grid: Grid
+    names: tuple[str, ...]
+    tags: tuple[int, ...]
+
+    @property
+    def measure(self) -> ufl.Measure:
+        """Surface measure of these facets."""
+        return self.grid.ds(self.tags)
+
+    @property
+    def facets(self) -> np.ndarray:
+        """Local facet indices."""
+        tags = self.grid.facet_tags
+        return tags.indices[np.isin(tags.values, self.tags)]
+
+
+class Grid:
+    """A background grid on a dolfinx mesh of quadrilaterals or hexahedra.
+
+    ``facets`` names sets of exterior facets by functions of x (dim, n) -> bool (n,).  The sides of the bounding
+    box are named already: left, right, bottom, top, and back, front in 3D.  Named sets may share facets with the
+    sides but not with one another.  Raises ``ValueError`` for a name that is taken, an empty or an overlapping set.
+    """
+
+    def __init__(self, mesh, facets: Mapping[str, Locator] | None = None):
+        _refuse_other_meshes(mesh)
+        self.mesh = mesh
+        self.comm: MPI.Comm = mesh.comm
+        self.dim: int = mesh.topology.dim
+        self.axes = tuple(range(self.dim))
+        self.space = dolfinx_versions.space(mesh, "Lagrange", 1, (self.dim,))
+        cells = mesh.topology.index_map(self.dim)
+        self.owned_cells, self.cells = cells.size_local, cells.size_local + cells.num_ghosts
+        self.nodes = self.space.dofmap.index_map.size_local + self.space.dofmap.index_map.num_ghosts
+        self._mark(_locators(facets or {}))
+
+    # -- making one ---------------------------------------------------------------------------------------------
+
+    @classmethod
+    def box(cls, lower: Sequence[float], upper: Sequence[float], cells: Sequence[int],
+            facets: Mapping[str, Locator] | None = None, comm: MPI.Comm = MPI.COMM_WORLD) -> Grid:
+        """Grid of equal cells between two corners (m), in 2D or 3D.
+
+        Raises ``ValueError`` for corners or numbers of cells that make no box.
+        """
+        given = [np.shape(v) for v in (lower, upper, cells)]
+        if given[0] not in ((2,), (3,)) or len(set(given)) > 1:
+            raise ValueError(f"a box needs 2 or 3 of lower, upper and cells alike, such as Grid.box((0, 0), (2, 1), "
+                             f"(20, 10)), got {lower}, {upper}, {cells}")
+        cells = [whole("cells", n) for n in cells]
+        for a, b in zip(lower, upper, strict=True):
+            if finite("lower", a) >= finite("upper", b):
+                raise ValueError(f"lower must lie below upper, got lower={tuple(lower)}, upper={tuple(upper)}")
+        lines = [np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, cells, strict=True)]
+        return cls.rectilinear(lines, facets, comm)
+
+    @classmethod
+    def rectilinear(cls, lines: Sequence[np.ndarray], facets: Mapping[str, Locator] | None = None,
+                    comm: MPI.Comm = MPI.COMM_WORLD) -> Grid:
+        """Grid of the cells between given grid lines, one increasing array of coordinates (m) a direction."""
+        an_object("comm", comm, MPI.Comm, "an MPI communicator")
+        lines = [increasing("grid lines", line) for line in
+                 several("lines", lines, "an array of coordinates a direction, such as [[0, 1, 2], [0, 0.5, 1]]")]
+        if len(lines) not in (2, 3):
+            raise ValueError(f"lines must be arrays of 2 or 3 directions, got {len(lines)}")
+        counts = [len(line) for line in lines]
+        x = np.stack(np.meshgrid(*lines, indexing="ij"), -1)
+        x = x.transpose(*range(len(lines))[::-1], len(lines)).reshape(-1, len(lines))  # x fastest
+        strides = np.concatenate(([1], np.cumprod(counts)[:-1]))
+        corner = np.zeros([n - 1 for n in counts[::-1]], dtype=np.int64)
+        for d, n in enumerate(counts):
+            corner += (strides[d] * np.arange(n - 1)).reshape([-1 if e == d else 1 for e in range(len(counts))][::-1])
+        cells = corner.reshape(-1, 1) + digits(2, len(lines)) @ strides
+        return cls(distribute(comm, x, cells), facets)
+
+    @classmethod
+    def read(cls, path, facets: Mapping[str, Locator] | None = None, comm: MPI.Comm = MPI.COMM_WORLD) -> Grid:
+        """Grid of the quadrilaterals (else hexahedra) in a file that meshio reads.
+
+        Raises ``ValueError`` for a file without such cells, or whose quadrilaterals do not lie in the xy plane;
+        ``OSError``, on every rank, for one that cannot be read.
+        """
+        an_object("comm", comm, MPI.Comm, "an MPI communicator")
+        x, cells, fault = np.zeros((0, 3)), np.zeros((0, 4), np.int64), None
+        with failing_together(comm, "grid not read", path):
+            read = _read(path) if comm.rank == 0 else None
+        if read is not None:
+            blocks = {kind: read.get_cells_type(kind) for kind in ("hexahedron", "quad")}
+            kind = next((kind for kind, found in blocks.items() if len(found)), None)
+            if kind is not None:
+                order = [0, 1, 3, 2] if kind == "quad" else [0, 1, 3, 2, 4, 5, 7, 6]  # ring to tensor order
+                x, cells = read.points[:, : 2 if kind == "quad" else 3], blocks[kind][:, order].astype(np.int64)
+                used, cells = np.unique(cells, return_inverse=True)
+                x, cells = x[used], cells.reshape(-1, len(order)).astype(np.int64)
+                fault = _out_of_plane(read.points[used]) if kind == "quad" else None
+        fault = comm.bcast(fault if len(cells) else "names a file without quadrilaterals or hexahedra")
+        if fault:
+            raise ValueError(f"path {fault}: {path}")
+        dim = comm.bcast(x.shape[1])
+        return cls(distribute(comm, x[:, :dim], cells), facets)
+
+    # -- named facets -------------------------------------------------------------------------------------------
+
+    def _mark(self, named: dict[str, Locator]) -> None:
+        """Tag each exterior facet with the set of names that hold it, one bit a name."""
+        mesh, dim = self.mesh, self.dim
+        mesh.topology.create_connectivity(dim - 1, dim)
+        x = mesh.geometry.x[:, :dim]
+        low = np.array([self.comm.allreduce(v, MPI.MIN) for v in x.min(axis=0, initial=np.inf)])
+        high = np.array([self.comm.allreduce(v, MPI.MAX) for v in x.max(axis=0, initial=-np.inf)])
+        self.lower_corner, self.upper_corner = low, high
+        tolerance = 1e-10 * (high - low).max()
+        sets: dict[str, Locator] = {}
+        for name, (d, end) in SIDES.items():
+            if d < dim:
+                at = (low, high)[end][d]
+                sets[name] = lambda y, d=d, at=at: np.abs(y[d] - at) < tolerance
+        taken = sorted(set(named) & set(sets))
+        if taken:
+            raise ValueError(f"facets: the name {taken[0]!r} is taken by a side of the grid")
+        facet_map = mesh.topology.index_map(dim - 1)
+        mask = np.zeros(facet_map.size_local + facet_map.num_ghosts, dtype=np.int64)
+        count = np.zeros(len(mask), dtype=np.int64)
+        self._bits = {}
+        for bit, (name, locate) in enumerate({**sets, **named}.items()):
+            found = dmesh.locate_entities_boundary(mesh, dim - 1, locate)
+            if name in named and not self.comm.allreduce(len(found)):
+                raise ValueError(f"facets: the set {name!r} is empty")
+            mask[found] |= 1 << bit
+            count[found] += name in named
+            self._bits[name] = 1 << bit
+        if self.comm.allreduce(int((count > 1).sum())):
+            raise ValueError(f"facets: the sets {sorted(named)} overlap")
+        marked = np.flatnonzero(mask).astype(np.int32)
+        self.facet_tags = dmesh.meshtags(mesh, dim - 1, marked, mask[marked].astype(np.int32))
+        local = set(mask[marked].tolist())
+        self._tags = sorted(set().union(*self.comm.allgather(local)))
+        self.ds = ufl.Measure("ds", domain=mesh, subdomain_data=self.facet_tags)
+        self.dx = ufl.Measure("dx", domain=mesh)
+
+    def facets(self, *names: str) -> GridSurface:
+        """The union of named facet sets.  Raises ``ValueError`` for a name that is not known."""
+        bits = 0
+        for name in names:
+            bits |= self._bits[one_of("facets", name, self._bits)]
+        tags = tuple(tag for tag in self._tags if tag & bits)
+        if not tags:
+            raise ValueError(f"facets: {names} holds no facet")
+        return GridSurface(self, names, tags)
+
+    # -- where things are ---------------------------------------------------------------------------------------
+
+    @cached_property
+    def lattice(self) -> Lattice:
+        """Bounds, neighbours and patches of the cells.
+
+        Raises ``ValueError`` for a mesh that is not rectilinear and, on several ranks, for one without all
+        vertex neighbours as ghosts (``Grid.box`` and ``Grid.read`` make them).
+        """
+        corner = self.mesh.geometry.x[dolfinx_versions.cell_vertices(self.mesh)][:, :, : self.dim]
+        lower, upper = corner.min(axis=1), corner.max(axis=1)
+        h = upper - lower
+        place = (corner - lower[:, None]) / h[:, None]
+        with together(self.comm):
+            if np.abs(place - np.round(place)).max(initial=0.0) > 1e-8:
+                raise ValueError("mesh must be rectilinear with axes along x, y (z) for material points, and is not")
+        nodes = self.tensor_order(self.space, 1, lower, h)
+        neighbour, patch = beside(lower, upper, nodes)
+        self._check_ghosts(nodes)
+        return Lattice(lower, upper, nodes, neighbour, patch, h.prod(axis=1))
+
+    def tensor_order(self, V, degree: int, lower: np.ndarray | None = None,
+                     h: np.ndarray | None = None) -> np.ndarray:
+        """Dofs of each cell (cells, (degree + 1)^dim) in tensor order, x fastest, whatever the reference axes."""
+        if lower is None:
+            lower, h = self.lattice.lower, self.lattice.upper - self.lattice.lower
+        dofs = dolfinx_versions.cell_dofs(V)
+        x = V.tabulate_dof_coordinates()[:, : self.dim][dofs]
+        digit = np.rint(degree * (x - lower[:, None]) / h[:, None]).astype(np.int64)
+        key = digit @ ((degree + 1) ** np.arange(self.dim))
+        order = np.empty_like(key)
+        np.put_along_axis(order, key, np.broadcast_to(np.arange(key.shape[1]), key.shape), axis=1)
+        return np.take_along_axis(dofs, order.astype(dofs.dtype), axis=1)
+
+    def find(self, x: np.ndarray) -> np.ndarray:
+        """Local cell that holds each x (n, dim), m; -1 for none.  A point on an edge lies in the cell above it."""
+        lattice = self.lattice
+        from scipy.spatial import cKDTree
+
+        scale = (lattice.upper - lattice.lower).max(axis=0, initial=np.finfo(float).tiny)
+        centre = 0.5 * (lattice.lower + lattice.upper)
+        cell = np.full(len(x), -1, dtype=np.int32)
+        ok = np.isfinite(x).all(axis=1)
+        if ok.any() and self.cells:
+            cell[ok] = cKDTree(centre / scale).query(x[ok] / scale)[1]
+        self.walk(x, cell)
+        return cell
+
+    def walk(self, x: np.ndarray, cell: np.ndarray) -> None:
+        """Update ``cell`` (n,) in place for points that have moved to x (n, dim)."""
+        lattice = self.lattice
+        walk(x, cell, lattice.lower, lattice.upper, lattice.neighbour)
+
+    def share_cells(self, marks: np.ndarray) -> np.ndarray:
+        """Marks of cells (cells,) with those of ghost cells taken from their owners."""
+        if self.comm.size > 1:
+            f, dofs = self._of_cells
+            f.x.array[dofs] = marks
+            dolfinx_versions.share(f)
+            marks = f.x.array[dofs].astype(marks.dtype)
+        return marks
+
+    def marked_anywhere(self, marks: np.ndarray) -> np.ndarray:
+        """Which cells (cells,), bool, are marked on any rank, as its own or as a ghost."""
+        if self.comm.size == 1:
+            return marks.astype(bool)
+        f, dofs = self._of_cells
+        f.x.array[dofs] = marks != 0
+        dolfinx_versions.gather(f)
+        return f.x.array[dofs] > 0.0
+
+    @cached_property
+    def index(self) -> np.ndarray:
+        """Which cell along each direction (cells, dim) each is, from 0 on: the same on any number of ranks.
+
+        Collective when it is first asked for.
+        """
+        lower, out = self.lattice.lower, np.empty((self.cells, self.dim), dtype=np.int64)
+        hair = 1e-6 * self.smallest
+        for d in range(self.dim):
+            line = np.unique(np.concatenate(self.comm.allgather(np.unique(lower[:, d]))))
+            number = np.concatenate(([0], np.cumsum(np.diff(line) > hair)))  # places a hair apart are one line
+            out[:, d] = number[np.searchsorted(line, lower[:, d])]
+        return out
+
+    @cached_property
+    def smallest(self) -> float:
+        """Least extent (m) of any cell on any rank.  Collective when it is first asked for."""
+        extent = self.lattice.upper - self.lattice.lower
+        return self.comm.allreduce(float(extent.min(initial=np.inf)), op=MPI.MIN)
+
+    @cached_property
+    def _of_cells(self):
+        """A field of one number a cell, and its dofs (cells,)."""
+        from dolfinx import fem
+
+        f = fem.Function(dolfinx_versions.space(self.mesh, "DQ", 0))
+        return f, dolfinx_versions.cell_dofs(f.function_space)[:, 0]
+
+    def _check_ghosts(self, nodes: np.ndarray) -> None:
+        if self.comm.size == 1:
+            return
+        from dolfinx import fem
+
+        seen = fem.Function(self.space)
+        here = np.bincount(nodes.ravel(), minlength=len(seen.x.array) // self.dim)
+        owned = np.bincount(nodes[: self.owned_cells].ravel(), minlength=len(here))
+        seen.x.array.reshape(-1, self.dim)[:] = owned[:, None]
+        dolfinx_versions.gather(seen)
+        lacking = (seen.x.array.reshape(-1, self.dim)[:, 0] != here) & (owned > 0)
+        if self.comm.allreduce(int(lacking.sum())):
+            raise ValueError("mesh must carry all vertex neighbours as ghosts on several ranks: "
+                             "make it with Grid.box or Grid.read")
+
+
+def _read(path):
+    """The mesh in a file that meshio knows."""
+    import meshio
+
+    try:
+        return meshio.read(path)
+    except SystemExit:  # what meshio does where no reader of the file's kind takes it
+        raise OSError(errno.EINVAL, "meshio cannot read it") from None
+
+
+def _out_of_plane(x: np.ndarray) -> str | None:
+    """What is wrong with quadrilaterals whose corners x (n, 2 or 3), m, do not lie in a plane z = const."""
+    extent = np.ptp(x, axis=0)
+    if len(extent) < 3 or extent[2] <= 1e-9 * extent.max():
+        return None
+    flat = [axis for axis, e in zip("xyz", extent, strict=True) if e <= 1e-9 * extent.max()]
+    where = f"in the {'xyz'.replace(flat[0], '')} plane" if flat else f"on a surface in space, {extent} m wide"
+    return f"names a file whose quadrilaterals lie {where}; a grid in 2D lies in the xy plane, so turn the mesh"
+
+
+def _refuse_other_meshes(mesh) -> None:
+    """Raise ``ValueError`` for what is no flat mesh of bilinear quadrilaterals or of trilinear hexahedra."""
+    if not {"comm", "topology", "geometry"} <= set(dir(mesh)):
+        raise ValueError(f"mesh must be a dolfinx mesh, got {mesh!r}; Grid.box and Grid.read make one")
+    dim, kind = mesh.topology.dim, str(mesh.topology.cell_name())
+    if kind not in ("quadrilateral", "hexahedron"):
+        raise ValueError(f"mesh must be of quadrilaterals or hexahedra, got cells of the kind {kind}")
+    if mesh.geometry.dim != dim:
+        raise ValueError(f"mesh must lie in the xy plane, got {kind} cells in {mesh.geometry.dim}D space")
+    cells = mesh.topology.index_map(dim)
+    if dolfinx_versions.cell_vertices(mesh).shape[0] != cells.size_local + cells.num_ghosts:
+        raise ValueError(f"mesh must have {2**dim} nodes a cell (of degree 1), got curved cells of more")
+
+
+def _locators(facets: Mapping[str, Locator]) -> dict[str, Locator]:
+    """Named functions of x, whose answers are told apart from arrays that are none."""
+    an_object("facets", facets, Mapping, 'functions of x by name, such as {"footing": lambda x: x[0] < 1}')
+
+    def named(name: str, locate: Locator) -> Locator:
+        if not callable(locate):
+            raise ValueError(f"facets: {name!r} must be a function of x (dim, n), got {locate!r}")
+
+        def answer(x: np.ndarray) -> np.ndarray:
+            found = np.asarray(locate(x))
+            if found.shape != x.shape[1:]:
+                raise ValueError(f"facets: {name!r} must map x (dim, n) to bool (n,), gave {found.shape} for "
+                                 f"n={x.shape[1]}")
+            return found.astype(bool)
+
+        return answer
+
+    return {str(name): named(name, locate) for name, locate in facets.items()}

@@ -1,0 +1,147 @@
+"""Velocity and acceleration between points and grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from ..common.checks import whole
+from ..common.compiled import jit
+from ..dynamics.motion import Motion
+from ..dynamics.time_stepping import Newmark
+from ..grid import dolfinx_versions, weak_forms
+from ..points.material_points import MaterialPoints
+from .shape_functions import Stencil
+from .ties import Ties
+
+TRANSITS = 4.0
+"""Times that a P wave takes through a cell, in which points at supports give up a velocity that is strange there."""
+
+
+class Deposit:
+    """Nodal velocity and acceleration before the step, from the points.
+
+    Division of nodal momentum by nodal mass smooths: M̄⁻¹M, the mean of neighbours, is left in it.  Each of ``sweeps``
+
+        v += v₁ − M̄⁻¹M v
+
+    with the consistent mass M, its row sums M̄ and v₁ the divided values takes some of it out.  Nodes of known motion
+    have what is known, whatever points deposit there.
+    ``mass`` (nodes,), kg, is the lumped one.
+    """
+
+    def __init__(self, motion: Motion, density, dx: ufl.Measure, sweeps: int):
+        self.motion, self.sweeps = motion, whole("sweeps", sweeps, least=0)
+        V = dolfinx_versions.space(motion.grid.mesh, "Lagrange", 1, (1 + 2 * motion.grid.dim,))
+        self._sums = fem.Function(V)  # mass, momentum, mass times acceleration
+        self.mass = np.zeros(motion.grid.nodes)
+        if self.sweeps:
+            self._smooth = fem.Function(V)
+            self._averaging = dolfinx_versions.compile_form(weak_forms.inertia(density, self._sums, ufl.TestFunction(V)) * dx)
+
+    def predict(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil]) -> None:
+        """Set the motion's v and a."""
+        grid = self.motion.grid
+        nodal = self._sums.x.array.reshape(grid.nodes, 1 + 2 * grid.dim)
+        nodal[:] = 0.0
+        for body, stencil in zip(bodies, stencils, strict=True):
+            stencil.deposit_motion(body.mass, body.velocity, body.acceleration, nodal)
+        dolfinx_versions.gather(self._sums)
+        self.mass[:] = nodal[:, 0]
+        velocity, acceleration = self._divided(nodal)
+        self.motion.nodal(self.motion.v)[:] = velocity
+        self.motion.nodal(self.motion.a)[:] = acceleration
+
+    def acceleration(self, force: fem.Function, ties: Ties | None) -> np.ndarray:
+        """Nodal accelerations (nodes, dim) of forces (N) by the same mass and, where no node is tied, sweeps."""
+        found = self.motion.nodal(force)
+        if ties is not None:
+            ties.accelerate(force, self.mass)
+            self.motion.know_start(np.zeros_like(found), found)
+            return found
+        nodal = self._sums.x.array.reshape(len(found), 1 + 2 * self.motion.grid.dim)
+        nodal[:] = 0.0
+        nodal[:, 0], nodal[:, 1 + self.motion.grid.dim :] = self.mass, found
+        return self._divided(nodal)[1].copy()
+
+    def _divided(self, nodal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and acceleration (nodes, dim) of ``nodal`` mass, momentum and mass times acceleration."""
+        dim = self.motion.grid.dim
+        _divide(nodal)
+        velocity, acceleration = nodal[:, 1 : 1 + dim], nodal[:, 1 + dim :]
+        divided = nodal.copy() if self.sweeps else nodal
+        self.motion.know_start(velocity, acceleration)
+        if self.sweeps:
+            smooth = self._smooth.x.array.reshape(nodal.shape)
+            nodal[:, 0] = 1.0
+            for _ in range(self.sweeps):
+                smooth[:] = 0.0
+                dolfinx_versions.assemble_vector(self._smooth, self._averaging)
+                dolfinx_versions.gather(self._smooth)
+                _sharpen(divided, smooth, nodal)
+                self.motion.know_start(velocity, acceleration)
+        return velocity, acceleration
+
+
+class KnownVelocity:
+    """Points at nodes of known motion take up the velocity there.
+
+    Their own goes on by accelerations, and those of such nodes are known: what a point had of velocity when it came
+    to a wall, or when its base set off, it would keep for ever.  So, component by component,
+
+        v_p -= r w_p (v_p - Σ_i S_ip v_i),    w_p = Σ_i S_ip over nodes i of known motion,
+
+    which leaves a velocity that is linear in space as it is.  All of it at once takes energy off waves at a support:
+    r = min(1, ``rate`` Δt), ``rate`` (1/s) once in ``TRANSITS`` times that a wave takes through a cell.
+    """
+
+    def __init__(self, motion: Motion, rate: float):
+        grid, self.motion, self.rate = motion.grid, motion, rate
+        self.known = np.zeros((grid.nodes, grid.dim))
+        for dofs in (*motion.at_rest, *(known.dofs for known in motion.moved)):
+            self.known.reshape(-1)[dofs] = 1.0
+        at = self.known.any(axis=1)[grid.lattice.nodes].any(axis=1)
+        self._near = grid.lattice.spread(at)  # support domains reach into the next cell
+
+    def take_up(self, velocity: np.ndarray, stencil: Stencil, end: np.ndarray) -> None:
+        """Change velocities (n, dim) of the points of a stencil; ``end`` (nodes, dim): those at the end of the step."""
+        rows = np.flatnonzero(self._near[stencil.cell])
+        if len(rows):
+            share = min(1.0, self.rate * self.motion.stepping.dt) * stencil.at_points(self.known, rows)
+            velocity[rows] -= share * (velocity[rows] - stencil.at_points(end, rows))
+
+
+@jit
+def _divide(nodal):
+    """Divide nodal values (nodes, f) by the first of them, mass; zero where there is none."""
+    for i in range(len(nodal)):
+        share = 1.0 / nodal[i, 0] if nodal[i, 0] > 0.0 else 0.0
+        for f in range(nodal.shape[1]):
+            nodal[i, f] *= share
+
+
+@jit
+def _sharpen(divided, smooth, nodal):
+    """Add to nodal values (nodes, f) what the averages ``smooth``, their mass first, lack of the ``divided`` ones."""
+    for i in range(len(nodal)):
+        if smooth[i, 0] > 0.0:
+            share = 1.0 / smooth[i, 0]
+            for f in range(1, nodal.shape[1]):
+                nodal[i, f] += divided[i, f] - share * smooth[i, f]
+
+
+def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple,
+                stepping: Newmark) -> None:
+    """Points carry their acceleration: v += Δt ((1 - γ) a + γ a₁(x_p)), γ = ½ unless asked, then a = a₁(x_p)."""
+    a_end = at_points(after[1])
+    v += stepping.dt * ((1.0 - stepping.gamma) * a + stepping.gamma * a_end)
+    a[:] = a_end
+
+
+def flip(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, stepping: Newmark) -> None:
+    """Points take the grid's change of velocity: v += (v₁ − v₀)(x_p), and its acceleration."""
+    v += at_points(after[0] - before[0])
+    a[:] = at_points(after[1])

@@ -1,0 +1,1 @@
+"""Recorders and files. A recorder of your own goes here."""

@@ -1,0 +1,197 @@
+"""Recorders look at a run after each step and write down what they were asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from mpi4py import MPI
+
+import numpy as np
+
+from ..common.checks import array, one_of
+from ..grid import dolfinx_versions
+from ..grid.grid import Grid
+from .recorder import Run
+
+FIELDS = ("displacement", "velocity", "acceleration", "stress")
+
+
+class Series:
+    """Times (s) and one value a time."""
+
+    def __init__(self) -> None:
+        self._times: list[float] = []
+        self._values: list[np.ndarray] = []
+
+    @property
+    def times(self) -> np.ndarray:
+        """Recorded times (n,), s."""
+        return np.array(self._times)
+
+    @property
+    def values(self) -> np.ndarray:
+        """Recorded values (n, …)."""
+        return np.array(self._values)
+
+    def note(self, run: Run, value: np.ndarray) -> None:
+        """Write down one value at the run's time."""
+        self._times.append(run.time)
+        self._values.append(value)
+
+    def state(self) -> dict[str, np.ndarray]:
+        """What a checkpoint keeps of a recorder that is attached."""
+        return {"times": self.times, "values": self.values}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what a checkpoint kept."""
+        self._times, self._values = state["times"].tolist(), list(state["values"])
+
+
+class Probe(Series):
+    """A field at a place of the body; the place moves with the material.
+
+    ``field``: displacement since attaching (m), velocity (m/s), acceleration (m/s²) or stress (Pa, rows as in
+    ``tensors``); ``at`` (dim,), m, when attached.  The value is a weighted mean of the samples nearest to ``at`` (in
+    cells), exact for linear fields: material points or, in a finite element run, cell centres for stress and nodes for
+    the rest.  Raises ``ValueError`` for a field that is not known, or a place that is none or lies outside the body: by
+    more than half a support domain from the outermost, or outside the mesh.
+    """
+
+    def __init__(self, field: str, at):
+        super().__init__()
+        self.field, self.at = one_of("field", field, FIELDS), array("at", at)
+
+    @property
+    def label(self) -> str:
+        """Its name in a checkpoint."""
+        return f"Probe of {self.field} at {self.at}"
+
+    def attach(self, run: Run) -> None:
+        """Choose samples and weights."""
+        if self.at.shape != (run.grid.dim,) or not np.isfinite(self.at).all():
+            raise ValueError(f"at must be {run.grid.dim} finite coordinates, got {self.at}")
+        places, self._read = run.sampler(self.field)
+        if not any(run.grid.comm.allgather(run.holds(self.at))):
+            raise ValueError(f"at must lie inside the body, got {self.at}; {_closest(places, self.at, run.grid.comm)}")
+        h = _cell_size(run.grid)
+        self._rows, self._weights = _nearest(places / h, self.at / h, run.grid.comm)
+        self._start = self._read(self._rows) if self.field == "displacement" else np.zeros(())
+        self(run)
+
+    def __call__(self, run: Run) -> None:
+        """Write down the value now."""
+        value = self._weights @ (self._read(self._rows) - self._start)
+        self.note(run, run.grid.comm.allreduce(value))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The series, and the samples that were chosen when it began."""
+        return {**super().state(), "rows": self._rows, "weights": self._weights, "start": self._start}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what a checkpoint kept."""
+        super().restore(state)
+        self._rows, self._weights, self._start = (state[name] for name in ("rows", "weights", "start"))
+
+
+class Energy(Series):
+    """Where the energy is (J; J per metre in plane strain).
+
+    ``energy["work"]`` done by tractions and gravity, ``"kinetic"``, ``"strain"``, ``"plastic"`` work, ``"absorbed"``
+    by dashpots, ``"stored"`` in springs: arrays (n,) since attaching.  What the scene does not have stays zero and
+    costs nothing.
+    ``lost`` is the rest of the balance: dissipation of the method, or its error.
+    """
+
+    NAMES = ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
+
+    def attach(self, run: Run) -> None:
+        """Compile what the scene's terms do to the energy in a step."""
+        forms: dict[str, object] = {}
+        for contribution in run.contributions:
+            for name, form in contribution.energy().items():
+                forms[name] = forms.get(name, 0) + form
+        self._forms = {self.NAMES.index(name): dolfinx_versions.compile_form(form) for name, form in forms.items()}
+        self.sums = np.zeros(len(self.NAMES))
+        self._start = self._look(run).copy()
+        run.collectors.append(self)
+        self.note(run, self._start)
+
+    def __call__(self, run: Run) -> None:
+        """Write down where the energy is now."""
+        self.note(run, self._look(run).copy())
+
+    def collect(self, run: Run) -> None:
+        """After a solve: add up in ``sums`` (6,) what terms have done."""
+        for k, form in self._forms.items():
+            self.sums[k] += run.grid.comm.allreduce(dolfinx_versions.assemble_scalar(form), op=MPI.SUM)
+
+    def _look(self, run: Run) -> np.ndarray:
+        for name, value in run.energy().items():
+            self.sums[self.NAMES.index(name)] = run.grid.comm.allreduce(value, op=MPI.SUM)
+        return self.sums
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The series, the sums that go on, and the energy at the start."""
+        return {**super().state(), "sums": self.sums, "start": self._start}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Go on from what a checkpoint kept."""
+        super().restore(state)
+        self.sums, self._start = state["sums"], state["start"]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.values[:, self.NAMES.index(one_of("name", name, self.NAMES))]
+
+    @property
+    def left(self) -> np.ndarray:
+        """Energy in the body, kinetic and strain (n,), J."""
+        return self["kinetic"] + self["strain"]
+
+    @property
+    def lost(self) -> np.ndarray:
+        """Work, and energy at the start, that is found nowhere (n,), J."""
+        spent = sum(self[name] - self._start[k] for k, name in enumerate(self.NAMES) if k)
+        return self["work"] - spent
+
+
+def _cell_size(grid: Grid) -> np.ndarray:
+    """Mean extents of the cells (dim,), m: the measure of what is near."""
+    x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][: grid.owned_cells, :, : grid.dim]
+    return grid.comm.allreduce(np.ptp(x, axis=1).sum(axis=0)) / grid.comm.allreduce(grid.owned_cells)
+
+
+def _by_distance(away: np.ndarray) -> np.ndarray:
+    """Order of rows (n, dim), the shortest first; equals by their place, whatever the partition."""
+    distance, place = np.linalg.norm(away, axis=1), np.round(away, 6)  # equal but for round-off
+    return np.lexsort((*place.T, np.round(distance, 6)))
+
+
+def _closest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> str:
+    """The sample of all ranks that is nearest to a place, in words."""
+    distance = np.linalg.norm(places - at, axis=1)
+    row = int(np.argmin(distance)) if len(places) else -1
+    mine = (float(distance[row]), tuple(places[row].tolist())) if len(places) else (np.inf, ())
+    off, place = min(comm.allgather(mine))
+    return f"what it would look at begins {off:.4g} m away, at x={np.array(place)}"
+
+
+def _nearest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of the local samples that serve ``at``, and their weights: exact for linear fields over all ranks."""
+    dim = len(at)
+    count = 2 ** (dim + 1)
+    rows = _by_distance(places - at)[:count]
+    distance = np.linalg.norm(places[rows] - at, axis=1)
+    found = np.concatenate(comm.allgather(np.column_stack((distance, np.full(len(rows), comm.rank), rows,
+                                                           places[rows]))))
+    found = found[_by_distance(found[:, 3:] - at)[:count]]
+    # least-norm weights w with Σ w = 1 and Σ w x = at in the span of the samples, be it a point, a line or a plane;
+    # the norm grows as the fourth power of distance
+    spread = found[:, 3:] - found[:, 3:].mean(axis=0)
+    _, extent, axes = np.linalg.svd(spread, full_matrices=False)
+    offset = (found[:, 3:] - at) @ axes[extent > 1e-9 * max(1.0, extent[0])].T
+    scale = max(found[:, 0].max(), np.finfo(float).tiny)
+    trust = 1.0 / ((found[:, 0] / scale) ** 2 + 1e-9)
+    A = np.column_stack((np.ones(len(found)), offset / scale)).T
+    weights = trust * np.linalg.lstsq(A * trust, np.eye(len(A))[0], rcond=None)[0]
+    mine = found[:, 1] == comm.rank
+    return found[mine, 2].astype(int), weights[mine]

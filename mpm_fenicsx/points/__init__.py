@@ -1,0 +1,1 @@
+"""Material points, surface points, and where they lie."""

@@ -1,0 +1,156 @@
+"""What yielding takes off the elastic step, at the Gauss points.
+
+The forms carry the elastic response to the increment u; here the rest of the law is added,
+
+    S_g = Σ_p w_gp [σ(state_p; Δε_g) − σ_p − C_p : Δε_g],    D_g = Σ_p w_gp [∂σ/∂ε − C_p],
+
+w_gp = Σ_i N_i(x_g) S*_ip W_p / m_i: the double mapping of eq. (7), applied to the constitutive law itself instead of
+to its moduli.  Where nothing yields both are zero and the step is the linear one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import ufl
+
+from ..common import tensors
+from ..common.ranks import together
+from ..dynamics.motion import Motion
+from ..grid import weak_forms
+from ..grid.gauss_points import GaussField, GaussPoints, measure
+from ..mapping.double_mapping import add, pairs_of
+from ..mapping.shape_functions import Stencil
+from ..points.material_points import MaterialPoints
+from .cell_materials import CellMaterials, MaterialRows, put_together
+from .response import Yielding
+
+
+class YieldingAtGaussPoints(Yielding):
+    """The same as fields at the Gauss points."""
+
+    def __init__(self, motion: Motion, gauss: GaussPoints):
+        super().__init__(motion)
+        self.gauss, grid = gauss, motion.grid
+        self.stress = GaussField(grid, len(self._plane))
+        self.tangent = GaussField(grid, len(self._upper[0]))
+        dx, trial = measure(motion.region.dx), ufl.TrialFunction(grid.space)
+        self.work = weak_forms.plastic_work(self.stress.function, motion.w) * dx
+        self.stiffness = weak_forms.plastic_stiffness(self.tangent.function, trial, motion.w) * dx
+
+    def clear(self) -> None:
+        """Nothing yields."""
+        super().clear()
+        self.stress.rows[:] = self.tangent.rows[:] = 0.0
+
+
+class YieldingPoints(YieldingAtGaussPoints):
+    """The laws of material points, double-mapped.
+
+    Each point is asked at every Gauss point that its support domain reaches.
+    """
+
+    def __init__(self, motion: Motion, gauss: GaussPoints, bodies: Sequence[MaterialPoints],
+                 stencils: Sequence[Stencil]):
+        super().__init__(motion, gauss)
+        self._bodies = [(body, stencil) for body, stencil in zip(bodies, stencils, strict=True)
+                        if body.material.history]
+        self._pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+
+    def place(self) -> None:
+        """Find the pairs for the points where they are now."""
+        self._pairs = [pairs_of(self.gauss, body, at) for body, at in self._bodies]
+
+    def _respond(self, u: np.ndarray) -> None:
+        strain = self.gauss.strain(u)
+        for (body, _), (point, where, weight) in zip(self._bodies, self._pairs, strict=True):
+            state = body.stress, body.history, body.size
+            rows, stress, tangent = self._law(body.material, strain, state, where, point)
+            if len(rows):
+                self.active = True
+                add(where[rows], weight[rows], stress[:, self._plane], self.stress.rows)
+                add(where[rows], weight[rows], tangent, self.tangent.rows)
+        self.stress.gather()
+        self.tangent.gather()
+
+
+class YieldingElements(YieldingAtGaussPoints):
+    """The laws at the Gauss points of finite elements.
+
+    These carry stress (points, components), Pa, and history (points, columns of the longest).
+    """
+
+    def __init__(self, motion: Motion, gauss: GaussPoints, materials: CellMaterials):
+        super().__init__(motion, gauss)
+        self.parts = materials.parts(gauss.digit.shape[1])
+        self.state = np.zeros((len(gauss), tensors.components(motion.grid.dim)))
+        self.history = np.zeros((len(gauss), max(len(law.history) for law in materials.materials)))
+        self.size = gauss.size if any(law.length for law in materials.materials) else None
+        with together(motion.grid.comm):  # what a law refuses it refuses here, on all ranks
+            for part in self.parts:
+                stress, history, size = self._state(part)
+                part.material.respond(np.zeros_like(stress), stress, history, size)
+        self._elastic = np.zeros_like(self.state)  # what the strain so far would give without yielding
+
+    def clear(self) -> None:
+        """Nothing yields in this step; what yielded before stays."""
+        super().clear()
+        self.stress.rows[:] = (1.0 + self.motion.stepping.start) * (self.state - self._elastic)[:, self._plane]
+
+    def _state(self, part: MaterialRows) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Stress, history and sizes of one material's Gauss points."""
+        rows, size = part.rows, part.size(self.size)
+        size = None if size is None else size[rows]
+        return self.state[rows], part.columns(self.history)[rows], size
+
+    def _respond(self, u: np.ndarray) -> None:
+        strain = self.gauss.strain(u)
+        for part in self.parts:
+            if not part.material.history:
+                continue
+            rows, stress, tangent = self._law(part.material, strain[part.rows], self._state(part),
+                                              part.count, part.count)
+            if len(rows):
+                self.active = True
+                at = part.numbers[rows]
+                self.stress.rows[at] += stress[:, self._plane]
+                self.tangent.rows[at] += tangent
+
+    def memory(self) -> dict[str, np.ndarray]:
+        """Arrays that a restart needs, not copied."""
+        return {"stress": self.state, "history": self.history, "elastic": self._elastic}
+
+    def carry(self) -> None:
+        """State at the end of the step."""
+        strain = self.gauss.strain(self.motion.nodal(self.motion.u))
+
+        def respond(part: MaterialRows) -> tuple[np.ndarray, ...]:
+            law, mine = part.material, strain[part.rows]
+            stress, history, size = self._state(part)
+            elastic = getattr(law, "elastic", law).update(mine, self._elastic[part.rows])
+            return elastic, *law.respond(mine, stress, history, size)
+
+        self._elastic, self.state, self.history = put_together(
+            self.parts, respond, (self._elastic, self.state, self.history))
+
+    def energy(self, cells: int) -> dict[str, float]:
+        """Strain energy and plastic work (J) of the first ``cells`` cells."""
+        points = cells * self.gauss.digit.shape[1]
+        return energies(self.parts, points, self.gauss.volume, self.state, self.history, self.size)
+
+
+def energies(parts: Sequence[MaterialRows], points: int, volume: np.ndarray, stress: np.ndarray,
+             history: np.ndarray, size: np.ndarray | None) -> dict[str, float]:
+    """Strain energy and, where a law can yield, plastic work (J) of the first Gauss points.
+
+    ``volume`` (m³), ``stress`` (Pa), ``history`` and ``size`` (m, or None) are those of all.
+    """
+    found = {"strain": 0.0}
+    for part in parts:
+        rows, law, d = part.first(points), part.material, part.size(size)
+        found["strain"] += float(volume[rows] @ law.energy(stress[rows]))
+        if law.history:
+            work = law.plastic_work(part.columns(history)[rows], None if d is None else d[rows])
+            found["plastic"] = found.get("plastic", 0.0) + float(volume[rows] @ work)
+    return found

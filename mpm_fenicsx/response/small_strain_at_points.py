@@ -1,0 +1,67 @@
+"""What yielding takes off the elastic step where the integrals are taken at the material points."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+import ufl
+
+from ..common import tensors
+from ..dynamics.motion import Motion
+from ..grid import weak_forms
+from ..mapping.projection import AT_POINTS, Projection
+from ..mapping.shape_functions import Stencil
+from ..points.material_points import MaterialPoints
+from .response import Yielding
+
+
+class YieldingAtPoints(Yielding):
+    """The laws of material points, asked once at each point with the strain it will recover.
+
+    Stress is summed at the points; the tangent is projected like the moduli, so that with linear shape functions it
+    is the derivative of the sum, and with support domains nearly so.  ``recover`` maps a body's number and nodal u to
+    displacement gradients (n, dim, dim).
+    """
+
+    def __init__(self, motion: Motion, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil],
+                 recover: Callable[[int, np.ndarray], np.ndarray]):
+        super().__init__(motion)
+        grid = motion.grid
+        self._bodies, self._stencils, self._recover = bodies, stencils, recover
+        self._tangent = Projection(grid, AT_POINTS, len(self._upper[0]))
+        self._force = np.zeros((grid.nodes, grid.dim))
+        self._rows = [np.arange(len(body), dtype=np.int32) for body in bodies]
+        dx = motion.region.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
+        tangent = weak_forms.plastic_stiffness(ufl.as_vector(self._tangent.fields), ufl.TrialFunction(grid.space), motion.w)
+        self.stiffness = tangent * dx
+
+    def place(self) -> None:
+        """Nothing to find: every point is its own place."""
+
+    def clear(self) -> None:
+        """Nothing yields."""
+        super().clear()
+        self._force[:] = 0.0
+        self._tangent.clear()
+        for field in self._tangent.fields:
+            field.x.array[:] = 0.0
+
+    def add_force(self, internal: np.ndarray) -> None:
+        """Add Σ_p V_p σ_p ∇S_ip of the stress beyond elasticity."""
+        internal += self._force.ravel()
+
+    def _respond(self, u: np.ndarray) -> None:
+        for number, (body, stencil) in enumerate(zip(self._bodies, self._stencils, strict=True)):
+            if not body.material.history:
+                continue
+            strain = tensors.strain(self._recover(number, u))
+            state, every = (body.stress, body.history, body.size), self._rows[number]
+            rows, stress, tangent = self._law(body.material, strain, state, every, every)
+            self.active = self.active or len(rows) > 0
+            beyond, moduli = np.zeros_like(body.stress), np.zeros((len(body), tangent.shape[1]))
+            beyond[rows], moduli[rows] = stress, tangent
+            force = body.volume[:, None, None] * tensors.matrix(beyond, body.dim)
+            stencil.deposit_divergence(force, self._force)
+            self._tangent.add(stencil, body.volume[:, None] * moduli)
+        self._tangent.finish()

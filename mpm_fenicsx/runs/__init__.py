@@ -1,0 +1,1 @@
+"""The step: of material points, of finite elements, in statics and dynamics."""

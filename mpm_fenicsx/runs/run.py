@@ -1,0 +1,248 @@
+"""What a material point run and a finite element run share: time, recorders, and honest failure."""
+
+from __future__ import annotations
+
+import os
+import warnings
+import zlib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+from ..common.checks import finite
+from ..common.errors import OutputError, RunError, SolverError
+from ..dynamics.time_stepping import Newmark, QuasiStatic
+from ..grid import dolfinx_versions
+from ..grid.grid import Grid
+from ..output.checkpoint import restart
+from .identity import described
+from .scene_checks import check_run, terms_of
+from .statics import Statics
+
+WHOLE = 1e-6
+"""Of a step: so near to a whole number of steps is one, for times are sums and quotients of rounded numbers."""
+
+
+class Run(Statics):
+    """Steps in time and calls recorders after each step."""
+
+    def __init__(self, name: str, grid: Grid, stepping: Newmark | QuasiStatic, terms: Sequence):
+        check_run(grid, stepping)
+        self.name, self.grid, self.terms = name, grid, terms_of(terms)
+        self._stepping = stepping
+        self._clock = np.zeros(2)  # steps and time (s) at which the present step came into use
+        self._begun = False
+        self.steps = 0
+        self.recorders: list[Callable] = []
+        self.collectors: list = []
+
+    @property
+    def stepping(self) -> Newmark | QuasiStatic:
+        """The rule and the length of the step; ``change_step`` changes them."""
+        return self._stepping
+
+    @stepping.setter
+    def stepping(self, value) -> None:
+        raise AttributeError(f"stepping is not to be assigned, for time would jump: use run.change_step({value!r})")
+
+    def change_step(self, stepping: Newmark | QuasiStatic) -> None:
+        """Go on with another step from the time reached; what the run remembers stays.
+
+        Raises ``ValueError`` where inertia would come or go, or forces at the start of a step weigh otherwise
+        (``GeneralizedAlpha.start``): that takes another run.
+        """
+        now = self.stepping
+        if not isinstance(stepping, (Newmark, QuasiStatic)):
+            raise ValueError(f"stepping must be a Newmark, GeneralizedAlpha or QuasiStatic, got {stepping!r}")
+        if (stepping.dynamic, stepping.start) != (now.dynamic, now.start):
+            raise ValueError(f"stepping: a run with {now} cannot go on with {stepping}; make another run of its points")
+        self._clock[:] = self.steps, self.time
+        self._stepping = stepping
+
+    @property
+    def time(self) -> float:
+        """Time reached (s; load parameter when quasi-static)."""
+        return self._time_of(self.steps)
+
+    @property
+    def next_time(self) -> float:
+        """Time at the end of the step to come."""
+        return self._time_of(self.steps + 1)
+
+    def _time_of(self, steps: int) -> float:
+        return float(self._clock[1] + (steps - self._clock[0]) * self.stepping.dt)
+
+    def begin(self) -> None:
+        """What is to be done once, before the first step."""
+
+    def _begin_once(self) -> None:
+        if not self._begun:
+            self.begin()
+            self._begun = True
+
+    def step(self) -> None:
+        """One step of length ``stepping.dt``.
+
+        Raises ``RunError`` naming step and time; what is recorded stays, and the state is that of the last whole step.
+        ``ValueError`` before the first quasi-static step where supports leave a rigid motion free.
+        """
+        self.check_supports()
+        with self.reported():
+            self._begin_once()
+            self.advance(self.time, self.next_time)
+        self.finish()
+
+    def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
+        """Solve for the motion from ``start`` to ``end`` (s), and move nothing yet."""
+        raise NotImplementedError
+
+    def carry(self) -> None:
+        """Make the motion that was solved for the state; refuse it before anything has changed."""
+        raise NotImplementedError
+
+    def advance(self, start: float, end: float, cut: int = 0) -> None:
+        """From ``start`` to ``end`` (s); a step that cannot be solved is halved, Newton's ``cuts`` times."""
+        try:
+            self.attempt(start, end, self.stepping.part(0.5**cut))
+        except SolverError as error:
+            if self.yielding is None or (cut == self.equilibrium.newton.cuts == 0):
+                raise
+            if cut == self.equilibrium.newton.cuts:
+                halved = f"from t = {start:.6g} to {end:.6g}, the step halved {cut} times"
+                raise SolverError(f"{error}; {halved}") from error
+        else:
+            return self.carry()
+        middle = 0.5 * (start + end)
+        with self.all_or_nothing(cut == 0):
+            self.advance(start, middle, cut + 1)
+            self.advance(middle, end, cut + 1)
+
+    @contextmanager
+    def all_or_nothing(self, wanted: bool) -> Iterator[None]:
+        """Take the state back, if ``wanted``, where something goes wrong inside: the parts of a step go together."""
+        kept = {name: value.copy() for name, value in self.state().items()} if wanted else {}
+        sums = [collector.sums.copy() for collector in self.collectors] if wanted else []
+        try:
+            yield
+        except BaseException:
+            if wanted:
+                self.restore(kept)
+            for collector, value in zip(self.collectors, sums, strict=wanted):
+                collector.sums[:] = value
+            raise
+
+    def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
+        """Places (n, dim) where the run knows a field, and a function from rows to values there."""
+        raise NotImplementedError
+
+    def holds(self, at: np.ndarray) -> bool:
+        """Whether a place (dim,), m, lies inside this rank's part of the body."""
+        raise NotImplementedError
+
+    def energy(self) -> dict[str, float]:
+        """Kinetic and strain energy (J) of this rank's part of the body."""
+        raise NotImplementedError
+
+    def record(self, recorder):
+        """Attach a recorder: called after each step, and once now for the start.  Returns it.
+
+        One that has ``state()``, arrays by name, and ``restore(state)`` goes on with its record after ``restart``.
+        Raises ``OutputError`` where it cannot write.
+        """
+        if isinstance(recorder, type) or not callable(recorder) or not hasattr(recorder, "attach"):
+            raise ValueError(f"recorder must be an object such as Energy() or Probe(field, at), got {recorder!r}")
+        try:
+            recorder.attach(self)
+        except OSError as error:
+            raise self._not_written(error) from error
+        self.recorders.append(recorder)
+        self.recorders.sort(key=lambda r: getattr(r, "last", False))
+        return recorder
+
+    def state(self) -> dict[str, np.ndarray]:
+        """The arrays, by name, that the next step depends on: those the run works with, not copies."""
+        return {"clock": self._clock, **{f"motion/{name}": value for name, value in self.motion.state().items()},
+                **self.scene.state()}
+
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Take the values of ``state`` in place of the present ones."""
+        for name, value in self.state().items():
+            value[...] = state[name]
+
+    def identity(self) -> dict[str, str]:
+        """What a checkpoint's run must have in common with this one, in words."""
+        grid = self.grid
+        nodes = zlib.crc32(np.ascontiguousarray(grid.space.tabulate_dof_coordinates()))
+        order = zlib.crc32(np.ascontiguousarray(dolfinx_versions.cell_dofs(grid.space)), nodes)
+        return {"run": self.name, "stepping": repr(self.stepping),
+                "grid": f"{grid.cells} cells in {grid.dim}D, {grid.nodes} nodes, places and order {order:08x}",
+                "terms": ", ".join(type(term).__name__ for term in self.terms),
+                **{f"term {n}, {type(term).__name__}": described(term) for n, term in enumerate(self.terms)}}
+
+    def restart(self, path: str | os.PathLike) -> None:
+        """Go on from the step of a checkpoint, bit for bit as the run that wrote it.
+
+        Call it on a run that the same script has built anew, its recorders attached, or on one that has failed.
+        What recorders there have recorded is replaced; those of the file that this run has not are left out, and what
+        is recorded from here on is recorded after this call.  Transfer, Newton's limits and solver may be others.
+        Raises ``ValueError`` naming what differs, and then has changed nothing; ``OSError`` for a file that cannot be
+        read or is no checkpoint.
+        """
+        restart(self, path)
+
+    def resume(self, steps: int) -> None:
+        """The state is that after so many steps."""
+        self.steps, self._begun = steps, steps > 0
+
+    def until(self, t: float, progress: Callable[[int], None] | None = None) -> None:
+        """Step until time ``t`` (s); ``progress`` is called with the number of steps done.
+
+        Where ``t`` is no whole number of steps away, it stops at the nearest one and warns.  Raises ``ValueError`` for
+        a ``t`` that is past.
+        """
+        if progress is not None and not callable(progress):
+            raise ValueError(f"progress must be a function of the number of steps, got {progress!r}")
+        left = (finite("t", t) - self.time) / self.stepping.dt
+        if left < -WHOLE:
+            raise ValueError(f"t must not be past, {self.name} has come to t = {self.time:.6g}, got {t}")
+        last = self.steps + round(left)
+        if abs(left - round(left)) > WHOLE:
+            stop = self.time + round(left) * self.stepping.dt
+            warnings.warn(f"until({t}) stops at t = {stop:.6g}: from t = {self.time:.6g} it is no whole number of "
+                          f"steps of {self.stepping.dt:.6g}", UserWarning, stacklevel=2)
+        while self.steps < last:
+            self.step()
+            if progress is not None:
+                progress(self.steps)
+
+    def finish(self) -> None:
+        """End of a step: time goes on, recorders look, all of them even where one cannot write."""
+        self.steps += 1
+        failure = None
+        for recorder in self.recorders:
+            try:
+                recorder(self)
+            except OSError as error:
+                failure = failure or error
+        if failure is not None:
+            raise self._not_written(failure) from failure
+
+    def _not_written(self, error: OSError) -> OutputError:
+        where = f"{self.name}, step {self.steps}, t = {self.time:.6g}"
+        if error.errno is None:
+            return OutputError(f"{where}: {error}")
+        return OutputError(error.errno, f"{where}: {error.strerror}", error.filename)
+
+    def collect(self) -> None:
+        """After each solve, of which a step can need several: what adds up over time is added up."""
+        for collector in self.collectors:
+            collector.collect(self)
+
+    @contextmanager
+    def reported(self) -> Iterator[None]:
+        """Name step and time in whatever goes wrong inside a step."""
+        try:
+            yield
+        except (SolverError, RunError, ValueError, FloatingPointError) as error:
+            raise RunError(f"{self.name}, step {self.steps + 1}, t = {self.next_time:.6g}: {error}") from error

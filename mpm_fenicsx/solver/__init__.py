@@ -1,0 +1,1 @@
+"""Equilibrium, Newton's method and PETSc."""

@@ -1,0 +1,105 @@
+"""Accelerations at the end of a step, made to fit the force of the stress that material points then bear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from enum import Enum
+
+import numpy as np
+from dolfinx import fem
+
+from ..grid import dolfinx_versions
+from ..mapping.internal_force import ConstantStress, LinearStress
+from ..mapping.shape_functions import Stencil
+from ..mapping.velocities import Deposit
+from ..points.material_points import MaterialPoints
+from .equilibrium import Equilibrium
+
+
+class AccelerationCorrection(Enum):
+    """What the mismatch of forces at the end of a step changes the acceleration by.
+
+    ``OFF``: nothing, the paper's step; ``LUMPED``: M̄⁻¹ of it, M̄ the lumped mass; ``IMPLICIT``: what it changes in
+    the step's own equations, (M + β Δt² K)⁻¹ of it.
+    """
+
+    OFF = "off"
+    LUMPED = "lumped"
+    IMPLICIT = "implicit"
+
+
+class Correction:
+    """Corrects nodal velocity and acceleration at the end of a step by the mismatch of forces -(ΔF - K u).
+
+    K u is the increment of internal force that the step's matrix foresees, eq. (7), and ΔF that of the stress which
+    points take from their own strain.  Where points go on with the acceleration that K u gives, the next step begins
+    with forces that do not fit it, and waves lose energy in proportion to Δt, the more so where K locks.
+    """
+
+    def __init__(self, equilibrium: Equilibrium, stress: ConstantStress | LinearStress):
+        self._equilibrium, self._stress = equilibrium, stress
+        equilibrium.foresee()
+        self._force = fem.Function(equilibrium.motion.grid.space)
+
+    def correct(self, end: tuple[np.ndarray, np.ndarray], bodies: Sequence[MaterialPoints],
+                stencils: Sequence[Stencil], changes: Sequence[np.ndarray]) -> None:
+        """Correct velocity and acceleration (nodes, dim) at the end of the step.
+
+        ``changes``: of the bodies' stress (n, dim, dim), Pa, per volume before the step and against gradients there.
+        """
+        equilibrium, stepping = self._equilibrium, self._equilibrium.motion.stepping
+        force = equilibrium.motion.nodal(self._force)
+        force[:] = 0.0
+        equilibrium.add_foreseen(self._force)
+        np.negative(force, out=force)
+        for body, stencil, change in zip(bodies, stencils, changes, strict=True):
+            self._stress.add_stress(body, stencil, change, force)
+        dolfinx_versions.gather(self._force)
+        self._force.x.array[equilibrium.fixed] = 0.0
+        change = self._acceleration(self._force.x.array).reshape(force.shape)
+        end[0][:] -= stepping.gamma * stepping.dt * change
+        end[1][:] -= change
+
+    def _acceleration(self, force: np.ndarray) -> np.ndarray:
+        """Of a force (dofs,), N."""
+        raise NotImplementedError
+
+
+class LumpedCorrection(Correction):
+    """By the lumped mass.
+
+    A mode of stiffness κ at the points and k in the matrix then has an amplification matrix of determinant 1, and
+    neither gains nor loses while (κ - k) Δt² / 4m <= 1.
+    """
+
+    def __init__(self, equilibrium: Equilibrium, stress: ConstantStress | LinearStress, deposit: Deposit):
+        super().__init__(equilibrium, stress)
+        self._deposit = deposit
+
+    def _acceleration(self, force: np.ndarray) -> np.ndarray:
+        mass, motion = self._deposit.mass, self._equilibrium.motion
+        share = np.divide(1.0, motion.stepping.inertia * mass, out=np.zeros_like(mass), where=mass > 0.0)
+        return (share[:, None] * motion.nodal(self._force)).ravel()
+
+
+class ImplicitCorrection(Correction):
+    """By the matrix of the step, (κ M + β Δt² K) δa = force, κ what ``stepping.inertia`` weighs.
+
+    It is what one more iteration of the step would change the acceleration by; displacement stays as it was solved
+    for, for a step that is iterated until the points' forces are in balance forgets what (7) does for stability.
+    """
+
+    def _acceleration(self, force: np.ndarray) -> np.ndarray:
+        stepping = self._equilibrium.motion.stepping
+        return self._equilibrium.response(force) / (stepping.beta * stepping.dt**2)
+
+
+def correction_of(kind: AccelerationCorrection, equilibrium: Equilibrium, stress: ConstantStress | LinearStress,
+                  deposit: Deposit) -> Correction | None:
+    """The correction of a kind; None for no correction."""
+    match kind:
+        case AccelerationCorrection.LUMPED:
+            return LumpedCorrection(equilibrium, stress, deposit)
+        case AccelerationCorrection.IMPLICIT:
+            return ImplicitCorrection(equilibrium, stress)
+    return None

@@ -1,0 +1,363 @@
+"""Equilibrium of a step, on PETSc: compiled and allocated once, then only numbers change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+from mpi4py import MPI
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from petsc4py import PETSc
+
+from ..common.errors import SolverError
+from ..dynamics.motion import Motion
+from ..grid import dolfinx_versions
+from ..mapping.ties import Ties
+from ..response.response import Yielding
+from ..terms.term import Contribution
+from .active_nodes import Part
+from .linear_solver import RESCUE, linear_solver
+from .matrix_update import Update
+from .newton import Newton
+
+IDLE = 1e-20  # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of 1e-18
+
+LOOSE = 1e-2  # relative tolerance that no response is solved with less than
+
+
+class Equilibrium:
+    """R(u) = 0 with the derivative K of the residual R; each solve starts from u = 0.
+
+    ``contributions``: virtual work of all terms, that of the body's stress first; ``fixed`` Dirichlet conditions (the
+    motion knows which of them are not zero); ``options`` PETSc options without prefix, on top of what suits the
+    stepping; ``yielding``: what the law adds to elasticity, if it can yield, and then ``newton`` says when to stop.
+    Without it the step is linear: one solve.  ``reuse``: where fields of the tangent stay as they are in most cells,
+    only the others are assembled.
+    """
+
+    def __init__(self, motion: Motion, contributions: Sequence[Contribution], fixed: list,
+                 options: Mapping[str, object] | None = None, yielding: Yielding | None = None,
+                 newton: Newton | None = None, reuse: bool = False):
+        self.motion, self.bcs, self.yielding, self.newton = motion, fixed, yielding, newton or Newton()
+        V = motion.grid.space
+        residual = sum(c.work for c in contributions)
+        tangent = ufl.derivative(residual, motion.u, ufl.TrialFunction(V))
+        if yielding is not None:
+            residual, tangent = residual + yielding.work, tangent + yielding.stiffness
+        elif not motion.moved:  # a linear step asks for the residual at u = 0 only, which costs less
+            residual = ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)}) if residual else residual
+        self.update = Update.of(motion, tangent) if reuse else None
+        self._parts = [c.force for c in contributions if c.force]
+        self._residual, self._tangent = dolfinx_versions.compile_form(residual), dolfinx_versions.compile_form(tangent)
+        self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
+        ours = motion.stepping.dynamic and options is None
+        # PETSc shifts pivots of rows, not of blocks; with facets between cells an incomplete factor needs that
+        self._kind = "baij" if ours and motion.region.dS is None else None
+        self._allocate()
+        self.force, self.increment = fem.Function(V, name="residual"), fem.Function(V, name="increment")
+        self._owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
+        self.fixed = np.zeros(len(self.force.x.array), dtype=bool)
+        for bc in fixed:
+            dofs, _ = bc.dof_indices()
+            self.fixed[dofs] = True
+        self.idle = np.zeros(self._owned, dtype=bool)
+        self.ksp = linear_solver(self.matrix, motion, options)
+        self._bent = True  # the matrix is not K at u = 0
+        self.solves = self.iterations = self.rescues = 0
+        self._can_rescue = ours
+        self.ties: Ties | None = None  # once a node is light
+        self._tied: PETSc.Mat | None = None  # P that the part was made for
+        self.strict = 0.0
+        self._rescue: PETSc.KSP | None = None
+
+    def _allocate(self) -> None:
+        """The matrix, with room for what the region may come to integrate over."""
+        self.matrix = dolfinx_versions.create_matrix(self._tangent, self._kind)
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        if self.motion.region.follows:  # PETSc drops entries that the first assembly leaves out
+            dolfinx_versions.assemble_matrix(self.matrix, self._tangent, [])
+            self.matrix.assemble()
+        self._diagonal = self.matrix.createVecLeft()
+        self._plain = None if self.update is None else self.matrix.createVecLeft()
+        self.part = Part(self.matrix)
+
+    def assemble_tangent(self) -> None:
+        """K with the law's tangent as it is, and the part of it that is to be solved."""
+        if self.motion.region.outgrown:
+            with self.motion.region.room():
+                self._allocate()
+            self._reset()
+        retied = self._retie()
+        if not self._bring_up_to_date() and not retied:
+            return
+        if self._plain is not None:
+            self.matrix.getDiagonal(self._plain)
+        A = self._condense(retied)
+        A.getDiagonal(self._diagonal)
+        d = self._diagonal.array
+        free = ~self.fixed[: self._owned]
+        largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
+        self.idle = d <= IDLE * largest
+        if self.update is not None:
+            self.idle |= np.repeat(self.update.bare, self.motion.grid.dim)
+        bare = self.idle | ~free
+        if self._tied is not None:
+            self.idle &= free & ~self.ties.tied[: self._owned]
+        d[bare] = largest if largest > 0.0 else 1.0
+        if self.part.take(~bare, self._diagonal):
+            self._reset()
+        self.ksp.setOperators(self.part.matrix)
+
+    def _retie(self) -> bool:
+        """Make ready for ties that are others than in the last step; whether they are."""
+        P = self.ties.P if self.ties is not None else None
+        if P is self._tied:
+            return False
+        if self._kind is not None:  # PETSc takes products of rows, not of blocks
+            self._kind = None
+            with self.motion.region.whole():
+                self._allocate()
+            if self.update is not None:
+                self.update.forget()
+        elif self.update is not None and self.part.matrix is self.matrix:
+            self.matrix.setDiagonal(self._plain)  # rows without material have another one
+        self._tied, self._condensed = P, None
+        self._reset()
+        return True
+
+    def _condense(self, retied: bool) -> PETSc.Mat:
+        """K of the nodes that are not tied."""
+        if self._tied is not None:
+            self._condensed = self.ties.condense(self.matrix, self._condensed)
+        A = self.matrix if self._tied is None else self._condensed
+        if retied:
+            self.part = Part(A)
+        return A
+
+    def _bring_up_to_date(self) -> bool:
+        """K in the matrix; False if that has not changed."""
+        A, update = self.matrix, self.update
+        if update is not None and update.follow():
+            if not len(update.cells):
+                return False
+            if self.part.matrix is A:
+                A.setDiagonal(self._plain)  # rows without material have another one
+            update.add(A, self.bcs)
+        else:
+            A.zeroEntries()
+            dolfinx_versions.assemble_matrix(A, self._tangent, self.bcs)
+            if update is not None:
+                update.remember()
+        A.assemble()
+        return True
+
+    def _reset(self) -> None:
+        for ksp in (self.ksp, self._rescue):
+            if ksp is not None:
+                ksp.reset()
+
+    def solve(self, internal: np.ndarray | None = None, reassemble: bool = True) -> None:
+        """Solve for the motion's u; ``internal`` (dofs,), N: internal force that is no form, summed at points.
+
+        ``reassemble`` K first; without it K at u = 0 is taken to be that of the last step.
+        Raises ``SolverError`` if PETSc or Newton does not converge.
+        """
+        self._clear()
+        if reassemble or self._bent:
+            self.assemble_tangent()
+            self._bent = False
+        self._first = self.refresh(internal)
+        self.correct()
+        if self.yielding is not None:
+            self.newton.iterate(self, internal, self._first)
+
+    def initial_acceleration(self) -> np.ndarray:
+        """Nodal accelerations (dofs,), m/s², of the balance of forces at the start of the step, M a = P - F - Z v, and
+        of nodes whose acceleration is known: those of a step so short that stiffness does not count, by its own forms.
+        """
+        motion = self.motion
+        with motion.vanishing_step() as factor:
+            self._clear()
+            for known in motion.moved:
+                motion.u.x.array[known.dofs] = known.before[1] / factor
+            self.assemble_tangent()
+            self.refresh(None)
+            self._solve()
+        self._bent = True
+        found = factor * (motion.u.x.array + self.increment.x.array)
+        motion.u.x.array[:] = 0.0
+        return found
+
+    def initial_force(self, internal: np.ndarray) -> fem.Function:
+        """P - F - Z v, N, at the start of the step, of every node on its own; ``internal`` (dofs,), N, as in
+        ``solve``."""
+        with self.motion.vanishing_step():
+            self._clear()
+            self.motion.u.x.array[:] = 0.0
+            force = -self._assemble(internal) / self._known
+        self.force.x.array[:] = force
+        self.force.x.array[self.fixed] = 0.0
+        dolfinx_versions.share(self.force)
+        return self.force
+
+    def _clear(self) -> None:
+        self.motion.clear()
+        if self.motion.moved and self.ties is not None and self.ties.P is not None:
+            self.ties.follow(self.motion.u)
+        if self.yielding is not None:
+            self.yielding.clear()
+
+    def response(self, force: np.ndarray) -> np.ndarray:
+        """K⁻¹ of a force (dofs,), N, zero at fixed dofs, with K as it was last solved with, and as exact as that was:
+        relative to the first residual of the step.  The motion stays as it is."""
+        if not force.any() and self.motion.grid.comm.size == 1:
+            return np.zeros_like(force)
+        r = self.force.x.array
+        r[:] = force
+        r[self.fixed] = 0.0
+        r[: self._owned][self.idle] = 0.0
+        size, tolerances = self._norm(), self.ksp.getTolerances()
+        if size > 0.0:
+            loose = tolerances[0] * max(self._first / size, 1.0)
+            self.ksp.setTolerances(min(loose, LOOSE), *tolerances[1:])
+        preconditioner = self.ksp.getPC()
+        preconditioner.setReusePreconditioner(True)  # scaling the matrix twice makes PETSc think that it has changed
+        try:
+            self._solve()
+        finally:
+            preconditioner.setReusePreconditioner(False)
+            self.ksp.setTolerances(*tolerances)
+        return self.increment.x.array.copy()
+
+    def bend(self) -> None:
+        """K at the motion's u."""
+        self.assemble_tangent()
+        self._bent = True
+
+    def _assemble(self, internal: np.ndarray | None) -> np.ndarray:
+        r = self.force.x.array
+        r[:] = 0.0 if internal is None else self._known * internal
+        if self.yielding is not None:
+            self.yielding.add_force(r)
+        if self._residual is not None:
+            dolfinx_versions.assemble_vector(self.force, self._residual)
+        dolfinx_versions.gather_to_owner(self.force)
+        return r
+
+    def refresh(self, internal: np.ndarray | None) -> float:
+        """Assemble the residual at the motion's u; its norm over free dofs (N)."""
+        r = self._assemble(internal)
+        np.negative(r, out=r)
+        if self._tied is not None:
+            self.ties.pass_on_free(self.force)
+        r[self.fixed] = 0.0
+        r[: self._owned][self.idle] = 0.0
+        return self._norm()
+
+    def correct(self) -> None:
+        """Add K⁻¹ of the residual to the motion's u."""
+        self._solve()
+        self.solves, self.iterations = self.solves + 1, self._iterations
+        self.motion.u.x.array[:] += self.increment.x.array
+
+    def _solve(self) -> None:
+        """K⁻¹ of the residual, as ``increment``; where the solver is ours and fails, by a full factor."""
+        if self._tied is not None:
+            self.ties.pass_on_free(self.force)
+        reason = self._run(self.ksp)
+        if reason < 0 and self._can_rescue:
+            if self._rescue is None:
+                self._rescue = linear_solver(self.part.matrix, self.motion, RESCUE)
+            self._rescue.setOperators(self.part.matrix)
+            reason, self.rescues = self._run(self._rescue), self.rescues + 1
+        self._iterations = self.ksp.getIterationNumber()
+        if reason < 0 or not np.isfinite(self.part.x.norm()):
+            raise SolverError(f"linear solver stopped with PETSc reason {reason} after {self._iterations} iterations; "
+                              f"{self.largest()}")
+        self.part.give(self.increment.x.array[: self._owned])
+        dolfinx_versions.share(self.increment)
+        if self._tied is not None:
+            self.ties.follow_free(self.increment)
+
+    def largest(self) -> str:
+        """Where the residual is largest, or not a number, in words; the same on all ranks."""
+        grid = self.motion.grid
+        size = np.linalg.norm(self.motion.nodal(self.force)[: self._owned // grid.dim], axis=1)
+        size[np.isnan(size)] = np.inf
+        node = int(np.argmax(size)) if len(size) else 0
+        place = grid.space.tabulate_dof_coordinates()[node, : grid.dim] if len(size) else np.zeros(grid.dim)
+        most, place = max(grid.comm.allgather((float(size.max(initial=-1.0)), tuple(place))))
+        what = f"largest residual {most:.3g} N" if np.isfinite(most) else "residual that is not a number"
+        return f"{what} at the node x={np.array(place)}"
+
+    def _run(self, ksp: PETSc.KSP) -> int:
+        part = self.part
+        part.load(self.force.x.array[: self._owned])
+        ksp.solve(part.b, part.x)
+        return ksp.getConvergedReason()
+
+    def _norm(self) -> float:
+        r = self.force.x.array[: self._owned]
+        return float(np.sqrt(self.motion.grid.comm.allreduce(float(r @ r))))
+
+    def support(self, internal: np.ndarray | None) -> tuple[np.ndarray, float]:
+        """What supports bear as things stand, at u = 0 (dofs,), N, zero where nothing is fixed; and what is out of
+        balance at free dofs, relative to ``scale``."""
+        self.motion.u.x.array[:] = 0.0
+        if self.yielding is not None:
+            self.yielding.clear()
+        size = self.scale(internal)
+        r = self._assemble(internal)
+        raw = r.copy()
+        if self.ties is not None and self.ties.P is not None:
+            self.ties.pass_on(self.force)
+        borne = np.where(self.fixed, r, 0.0)
+        whole = r.copy()
+        found = []
+        for left in (raw, whole):
+            r[:] = left
+            r[self.fixed] = 0.0
+            found.append(self._norm() / size if size > 0.0 else 0.0)
+        self.strict = found[0]
+        return borne, found[1]
+
+    @cached_property
+    def _body(self) -> list:
+        """The increment of internal force, but for what the law's ``add_force`` adds."""
+        work = self._parts[0] if self.yielding is None else self._parts[0] + self.yielding.work
+        return dolfinx_versions.compile_form(work)
+
+    @cached_property
+    def _forces(self) -> list:
+        return [self._body, *(dolfinx_versions.compile_form(form) for form in self._parts[1:])]
+
+    def foresee(self) -> None:
+        """Compile what ``add_foreseen`` wants, which else its first call does."""
+        _ = self._body
+
+    def add_foreseen(self, force: fem.Function) -> None:
+        """Add the increment of internal force at the motion's u (N) that the step was solved with."""
+        if self.yielding is not None and self.newton.tolerance is None:
+            self.yielding.clear()  # one solve: the response as it is linear about the start, at this u
+        if self.yielding is not None:
+            self.yielding.add_force(force.x.array)
+        dolfinx_versions.assemble_vector(force, self._body)
+
+    def scale(self, internal: np.ndarray | None) -> float:
+        """Size of the forces that are in equilibrium (N): loads and internal force, inertia left out."""
+        total = 0.0
+        for form in self._forces:
+            r = self.force.x.array
+            r[:] = 0.0
+            if form is self._forces[0]:
+                if internal is not None:
+                    r[:] = self._known * internal
+                if self.yielding is not None:
+                    self.yielding.add_force(r)
+            dolfinx_versions.assemble_vector(self.force, form)
+            dolfinx_versions.gather_to_owner(self.force)
+            total += self._norm()
+        return total

@@ -1,0 +1,1 @@
+"""Loads, supports and boundaries, one idea a file. A boundary of your own goes here."""

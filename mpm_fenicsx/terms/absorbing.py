@@ -1,0 +1,61 @@
+"""Boundaries that absorb waves: dashpots, and dashpots with springs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ufl import inner
+
+from ..common.checks import positive
+from ..grid import weak_forms
+from ..materials.law_checks import has
+from .loads import Surface
+from .scene import Scene
+from .term import Contribution
+
+
+@dataclass(frozen=True)
+class Viscous:
+    """Absorbing dashpots (Lysmer & Kuhlemeyer; Do et al. 2023, eqs. 9, 13, 14).
+
+    σ_n = -ρ c_p v_n, σ_s = -ρ c_s v_s with the elastic constants and density of ``material``.
+    """
+
+    on: Surface
+    material: object
+
+    def bind(self, scene: Scene) -> Contribution:
+        """Virtual work ∫ Z v·w, and the energy absorbed."""
+        if not scene.motion.stepping.dynamic:
+            raise ValueError(f"{type(self).__name__} needs velocities: step with Newmark")
+        patch, motion, soil = scene.patch(self.on), scene.motion, self.material
+        has(f"material of {type(self).__name__}", soil, ("density", "p_speed", "s_speed"))
+        Z = patch.tensor(soil.density * soil.p_speed, soil.density * soil.s_speed)
+        return Contribution(weak_forms.dashpot(Z, motion.velocity, motion.w) * patch.measure, lambda: {
+            "absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure})
+
+
+@dataclass(frozen=True)
+class Viscoelastic(Viscous):
+    """Dashpots with springs beside them (Deeks & Randolph; Do et al. 2023, eqs. 10, 15, 16).
+
+    k_n = 2 G / r_b, k_s = G / (2 r_b), ``radius`` r_b (m) the distance to the source; the springs act on the
+    displacement accumulated since the start.  Raises ``ValueError`` for radius <= 0.
+    """
+
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "radius", positive("radius", self.radius))
+
+    def bind(self, scene: Scene) -> Contribution:
+        """Virtual work ∫ (Z v + k u)·w, and the energy absorbed and stored."""
+        viscous = super().bind(scene)
+        has("material of Viscoelastic", self.material, ("lame",))
+        patch, motion = scene.patch(self.on), scene.motion
+        G = self.material.lame[1]
+        stiffness = 2 * G / self.radius, G / (2 * self.radius)
+        k, stored = patch.tensor(*stiffness), patch.stored(*stiffness)
+        spring = weak_forms.spring(k, motion.u, motion.known(stored), motion.w)
+        return Contribution(viscous.work + spring * patch.measure, lambda: {
+            **viscous.energy(), "stored": inner(0.5 * k * motion.u + stored, motion.u) * patch.measure})

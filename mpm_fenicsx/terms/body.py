@@ -1,0 +1,93 @@
+"""Virtual work of the body: inertia, elasticity, gravity."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from ..dynamics.motion import Motion
+from ..grid import weak_forms
+from .load_functions import combined
+from .scene import Scene
+from .term import Contribution
+
+
+def inertia(scene: Scene) -> Contribution:
+    """Virtual work ∫ ρ a·w."""
+    motion = scene.motion
+    return Contribution(weak_forms.inertia(scene.density, motion.acceleration, motion.w) * scene.dx)
+
+
+def elastic_work(motion: Motion, dx: ufl.Measure, λ, μ, u, w, b_bar: bool = False):
+    """Virtual work of the elastic stress of u; ``dx`` integrates what λ and μ weigh.
+
+    With ``b_bar`` volume changes cell by cell: its work is taken with one point a cell, where the divergence is the
+    cell's mean on rectilinear grids (B-bar; Hughes 1980), and near it on others (selective reduced integration).
+    """
+    if not b_bar:
+        return weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w) * dx
+    centre = motion.region.dx(metadata={"quadrature_degree": 1})
+    return weak_forms.distortion_work(μ, u, w) * dx + weak_forms.dilation_work(λ, μ, u, w) * centre
+
+
+def elasticity(scene: Scene, dx: ufl.Measure, λ, μ, before=None, b_bar: bool = False) -> Contribution:
+    """Virtual work of the stress of the increment u, on top of the displacement ``before`` if that is given."""
+    motion = scene.motion
+    u = motion.u if before is None else motion.known(before) + motion.u
+    work = elastic_work(motion, dx, λ, μ, u, motion.w, b_bar)
+    return Contribution(work, force=work)
+
+
+@dataclass(frozen=True)
+class Gravity:
+    """Body force per mass (m/s²): ``g`` is (dim,) numbers or a function of t, or of t and x (n, dim).
+
+    What depends on place is taken at the material points, where they are at the start of the step; in finite elements
+    at the nodes, linear between them.
+    """
+
+    g: Callable | tuple[float, ...]
+
+    def bind(self, scene: Scene) -> Contribution:
+        """Virtual work -∫ ρ g·w, and the work done."""
+        motion, scene.body_loaded = scene.motion, True
+        function, placed = scene.load("g of Gravity", self.g)
+        force = (scene.body_force or partial(_at_nodes, scene)) if placed else partial(_everywhere, scene)
+
+        def weight(value: Callable[[float, float, np.ndarray], np.ndarray]):
+            found, refresh = force(value)
+            scene.before.append(refresh)
+            return found
+
+        def energy() -> dict[str, object]:
+            mean = weight(lambda start, end, x: 0.5 * combined(function, start, end, x, 1.0))
+            return {"work": weak_forms.load(mean, motion.u) * scene.dx}
+
+        g = weight(lambda start, end, x: combined(function, start, end, x, motion.stepping.start))
+        work = -weak_forms.load(g, motion.w) * scene.dx
+        return Contribution(work, energy, work)
+
+
+def _everywhere(scene: Scene, value: Callable) -> tuple[object, Callable[[float, float], None]]:
+    """ρb of a body force that is the same everywhere, and what refreshes it."""
+    g, x = fem.Constant(scene.grid.mesh, np.zeros(scene.grid.dim)), np.zeros((1, scene.grid.dim))
+
+    def refresh(start: float, end: float) -> None:
+        g.value[:] = value(start, end, x)
+
+    return scene.density * g, refresh
+
+
+def _at_nodes(scene: Scene, value: Callable) -> tuple[object, Callable[[float, float], None]]:
+    """The same of one that is given at the nodes."""
+    g, x = fem.Function(scene.grid.space), scene.grid.space.tabulate_dof_coordinates()[:, : scene.grid.dim]
+
+    def refresh(start: float, end: float) -> None:
+        scene.motion.nodal(g)[:] = value(start, end, x)
+
+    return scene.density * g, refresh

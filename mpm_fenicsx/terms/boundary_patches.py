@@ -1,0 +1,306 @@
+"""Boundary patches: a surface as the forms see it, facets of the grid or points inside cells."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property, singledispatch
+
+import numpy as np
+import ufl
+from dolfinx import fem
+
+from ..common.ranks import anywhere, keepers
+from ..grid import dolfinx_versions, weak_forms
+from ..grid.grid import GridSurface
+from ..mapping.projection import AT_NODES, Projection, simpson
+from ..mapping.shape_functions import Stencil
+from ..mapping.surface_faces import Faces
+from ..points.surface_points import SurfacePoints
+from .load_functions import Load, combined
+
+
+@singledispatch
+def patch(surface, scene):
+    """The boundary patch that serves a surface's coefficients to the forms."""
+    raise ValueError(f"on must be facets of the grid or surface points, got {surface!r}")
+
+
+class FacetPatch:
+    """A surface of grid facets: coefficients are constants, integrals go over ``ds``."""
+
+    def __init__(self, surface: GridSurface, scene):
+        if surface.grid is not scene.grid:
+            raise ValueError(f"on: the facets {surface.names} belong to another grid")
+        self.grid, self.motion = scene.grid, scene.motion
+        self.measure, self.surface = surface.measure, surface
+        self._refresh: list[Callable[[float, float], None]] = []
+        self._total: fem.Function | None = None
+
+    @cached_property
+    def _cells(self) -> np.ndarray:
+        """The cells that the facets belong to."""
+        topology, dim = self.grid.mesh.topology, self.grid.dim
+        topology.create_connectivity(dim - 1, dim)
+        beside = topology.connectivity(dim - 1, dim)
+        return np.unique([beside.links(facet)[0] for facet in self.surface.facets]).astype(np.int32)
+
+    def tensor(self, along: float, across: float):
+        """Tensor with eigenvalue ``along`` the outward normal and ``across`` it."""
+        mesh = self.grid.mesh
+        values = (fem.Constant(mesh, np.array(v)) for v in (along, across))
+        return weak_forms.along_and_across(ufl.FacetNormal(mesh), *values)
+
+    def held(self, value):
+        """A load (Pa) that is a vector field on the mesh, taken as it is; None for any other.
+
+        Raises ``ValueError`` for a field on another mesh or of another size.
+        """
+        if not isinstance(value, fem.Function):
+            return None
+        if value.function_space.mesh is not self.grid.mesh or value.ufl_shape != (self.grid.dim,):
+            raise ValueError(f"a field on facets must be a vector on the grid's mesh, got {value!r}")
+        return value
+
+    def load(self, function: Load, placed: bool, mean: bool = False):
+        """A load (Pa) as it counts in the balance or, if ``mean``, its mean over the step."""
+        if placed:
+            V = dolfinx_versions.space(self.grid.mesh, "DQ", 2, (self.grid.dim,))
+            f = fem.Function(V)
+            x = V.tabulate_dof_coordinates()[:, : self.grid.dim]
+        else:
+            f, x = fem.Constant(self.grid.mesh, np.zeros(self.grid.dim)), np.zeros((1, self.grid.dim))
+
+        def refresh(start: float, end: float) -> None:
+            # asked for anew: in DOLFINx 0.5 the view of a constant's value does not keep the constant alive
+            target = f.x.array.reshape(-1, self.grid.dim) if placed else f.value
+            target[:] = 0.5 * combined(function, start, end, x, 1.0) if mean else \
+                combined(function, start, end, x, self.motion.stepping.start)
+
+        self._refresh.append(refresh)
+        return f
+
+    def stored(self, along: float, across: float):
+        """Traction (Pa) of springs that have accumulated the displacement so far."""
+        if self._total is None:
+            self._total = fem.Function(self.grid.space)
+            self._before = fem.Function(self.grid.space)
+        return self.tensor(along, across) * self._before
+
+    @property
+    def has_springs(self) -> bool:
+        """Whether springs act on it."""
+        return self._total is not None
+
+    def take(self, others: Sequence) -> list:
+        """Take over what springs on the same facets have accumulated; returns which of ``others``.
+
+        Raises ``ValueError`` on all ranks where they are on a part of these facets only, or have
+        not accumulated the same.
+        """
+        mine = set(self.surface.tags)
+        same = [p for p in others if isinstance(p, FacetPatch) and mine & set(p.surface.tags)]
+        if not same:
+            return same
+        total = same[0]._total.x.array
+        whole = mine <= set().union(*(p.surface.tags for p in same))
+        alike = all(np.array_equal(total, p._total.x.array) for p in same)
+        if anywhere(self.grid.comm, None if whole and alike else "other"):
+            raise ValueError(f"start: on a part of the facets {self.surface.names} springs have "
+                             "accumulated another displacement than on the rest: give each part a "
+                             "term of its own")
+        self._total.x.array[:] = total
+        return same
+
+    def __str__(self) -> str:
+        return f"the facets {self.surface.names}"
+
+    def prepare(self, start: float, end: float) -> None:
+        """Bring coefficients to the step."""
+        if self._total is not None:
+            self._before.x.array[:] = self._total.x.array
+        for refresh in self._refresh:
+            refresh(start, end)
+
+    def mark(self, cells: np.ndarray) -> None:
+        """Facets hold no points."""
+
+    def mark_loaded(self, cells: np.ndarray) -> None:
+        """Mark the cells of the facets with 1, unless they have more."""
+        cells[self._cells] = np.maximum(cells[self._cells], 1)
+
+    def carry(self) -> None:
+        """Springs remember the step."""
+        if self._total is not None:
+            self._total.x.array[:] += self.motion.u.x.array
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Arrays that a restart needs, not copied."""
+        return {} if self._total is None else {"total": self._total.x.array}
+
+
+class PointPatch:
+    """A surface of points inside cells: coefficients are moment fields, integrals go over ``dx`` and are the
+    point sums exactly, those of ``Faces``."""
+
+    def __init__(self, points: SurfacePoints, scene):
+        if points.x.shape[1] != scene.grid.dim:
+            raise ValueError(f"on: surface points have {points.x.shape[1]} coordinates, the grid {scene.grid.dim}")
+        if not scene.grid.comm.allreduce(len(points)):
+            raise ValueError("on: the surface has no points")
+        self.grid, self.motion, self.points = scene.grid, scene.motion, points
+        self._at_rest = scene.at_rest
+        self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
+        self.faces = Faces(self.grid, points)
+        if self.grid.comm.size > 1:
+            self._leave_to_others()
+        self.stencil = Stencil(self.grid, len(points), support=False)
+        self._cell = self.grid.find(self._inward())
+        self._check()
+        self._refresh: list[Callable[[float, float], None]] = []
+
+    def _inward(self) -> np.ndarray:
+        return self.faces.within(self.points.x, self.points.normal)
+
+    def _leave_to_others(self) -> None:
+        """Keep the faces that lie in this rank's cells, by their centres: what all ranks are given acts once."""
+        points, k, grid = self.points, self.points.per_face, self.grid
+        faces = len(points) // k
+        x, normal = (a.reshape(faces, k, grid.dim) for a in (points.x, points.normal))
+        cell = grid.find(self.faces.within(x.mean(axis=1), normal[:, 0]))
+        things = np.column_stack((points.x, points.normal, points.area)).reshape(faces, k * (2 * grid.dim + 1))
+        keeper = keepers(grid.comm, things, (cell >= 0) & (cell < grid.owned_cells), cell >= 0)
+        lost, message = np.flatnonzero(keeper < 0), None
+        if len(lost):
+            message = self._lies(k * lost[0], "outside the grid, or in a cell of a rank that was not given it")
+        self._refuse(message)
+        if not (keeper == grid.comm.rank).all():
+            points.keep((k * np.flatnonzero(keeper == grid.comm.rank)[:, None] + np.arange(k)).ravel())
+
+    def _lies(self, row: int, where: str) -> str:
+        number = row if self.points.number is None else self.points.number[row]
+        return f"surface point {number} at x={self.points.x[row]} lies {where}"
+
+    def _check(self) -> None:
+        lost, message = np.flatnonzero(self._cell < 0), None
+        if len(lost):
+            where = "outside the grid" + (", or too far from the cells of its rank, which is not supported yet"
+                                          if self.grid.comm.size > 1 else "")
+            message = self._lies(lost[0], where)
+            self._cell[lost] = 0  # whence to walk, should they be put back
+        self._refuse(message)
+
+    def _refuse(self, message: str | None) -> None:
+        message = anywhere(self.grid.comm, message)
+        if message:
+            raise ValueError(message)
+
+    def _field(self, fields: int, values: Callable[[float, float], np.ndarray]) -> list[fem.Function]:
+        projection = Projection(self.grid, AT_NODES, fields)
+
+        def refresh(start: float, end: float) -> None:
+            projection.clear()
+            projection.add(self.faces.stencil, self.faces.spread(self.points.area[:, None] * values(start, end)))
+            projection.finish()
+
+        self._refresh.append(refresh)
+        return projection.fields
+
+    def _tensors(self, along: float, across: float) -> np.ndarray:
+        n = self.points.normal
+        return across * np.eye(n.shape[1]) + (along - across) * n[:, :, None] * n[:, None, :]
+
+    def tensor(self, along: float, across: float):
+        """Tensor with eigenvalue ``along`` the outward normal and ``across`` it."""
+        dim = self.grid.dim
+        upper = np.triu_indices(dim)
+        found = self._field(len(upper[0]), lambda *_: self._tensors(along, across)[:, upper[0], upper[1]])
+        at = {(i, j): f for i, j, f in zip(*upper, found, strict=True)}
+        return ufl.as_tensor([[at[min(i, j), max(i, j)] for j in range(dim)] for i in range(dim)])
+
+    def held(self, value):
+        """A load (Pa) that is one row a surface point (n, dim) and moves with them; None for any other.
+
+        On several ranks also one for each row that the surface was given with.  Raises ``ValueError``, on all ranks,
+        for rows that do not fit, or a field on the mesh.
+        """
+        rows = isinstance(value, np.ndarray) and value.ndim == 2
+        constant = self.points.of_given(value).copy() if rows else None
+        fits = rows and constant.shape == self.points.x.shape and np.isfinite(constant).all()
+        message = None
+        if isinstance(value, fem.Function) or (rows and not fits):
+            message = f"a load on surface points must be {self.points.x.shape} finite numbers, got {value!r}"
+        self._refuse(message)
+        return ufl.as_vector(self._field(self.grid.dim, lambda *_: constant)) if rows else None
+
+    def load(self, function: Load, placed: bool, mean: bool = False):
+        """A load (Pa) as it counts in the balance or, if ``mean``, its mean over the step."""
+        def values(start: float, end: float) -> np.ndarray:
+            x = self.points.x
+            value = 0.5 * combined(function, start, end, x, 1.0) if mean else \
+                combined(function, start, end, x, self.motion.stepping.start)
+            return np.broadcast_to(value, x.shape)
+
+        return ufl.as_vector(self._field(self.grid.dim, values))
+
+    def stored(self, along: float, across: float):
+        """Traction (Pa) of springs that have accumulated the points' displacement so far."""
+        if self.points.displacement is None:
+            self.points.displacement = np.zeros_like(self.points.x)
+
+        def values(*_) -> np.ndarray:
+            return np.einsum("nij,nj->ni", self._tensors(along, across), self.points.displacement)
+
+        return ufl.as_vector(self._field(self.grid.dim, values))
+
+    @property
+    def has_springs(self) -> bool:
+        """Whether springs act on it."""
+        return self.points.displacement is not None
+
+    def take(self, others: Sequence) -> list:
+        """The points carry what springs have accumulated; returns which of ``others`` are here."""
+        return [p for p in others if isinstance(p, PointPatch) and p.points is self.points]
+
+    def __str__(self) -> str:
+        return f"{len(self.points)} surface points"
+
+    def locate(self) -> None:
+        """Find the points, and cut their faces where grid lines cross them."""
+        self.grid.walk(self._inward(), self._cell)
+        self._check()
+        self.stencil.place(self.points.x, None, self._cell)
+        self._refuse(self.faces.place(self.stencil))
+
+    def prepare(self, start: float, end: float) -> None:
+        """Find the points and bring coefficients to the step."""
+        self.locate()
+        self._cover(np.unique(self.faces.stencil.cell))
+        for refresh in self._refresh:
+            refresh(start, end)
+
+    def mark(self, cells: np.ndarray) -> None:
+        """Mark the cells that hold the points, or pieces of their faces."""
+        cells[self.faces.stencil.cell] = 1
+
+    def mark_loaded(self, cells: np.ndarray) -> None:
+        """Mark the same cells with 2."""
+        cells[self.faces.stencil.cell] = 2
+
+    def carry(self) -> None:
+        """Move with the grid's displacement; at rest springs remember it, and points stay."""
+        u = self.motion.nodal(self.motion.u)
+        if self._at_rest:
+            if self.has_springs:
+                self.points.displacement += self.stencil.at_points(u)
+            return
+        self.points.follow(self.stencil.at_points(u), self.stencil.gradient_at_points(u))
+
+    def state(self) -> dict[str, np.ndarray]:
+        """Arrays that a restart needs, not copied."""
+        found = {"x": self.points.x, "normal": self.points.normal, "area": self.points.area, "cell": self._cell}
+        more = {"displacement": self.points.displacement, "rest_area": self.points.rest_area}
+        return {**found, **{name: value for name, value in more.items() if value is not None}}
+
+
+patch.register(GridSurface)(FacetPatch)
+patch.register(SurfacePoints)(PointPatch)
