@@ -80,8 +80,9 @@ endif
 	@$(PY) -m pytest -m benchmark benchmarks $(ARGS)
 
 lint: $(filter $(STAMP),$(READY)) ## check the style with ruff
-	@command -v $(RUFF) >/dev/null || { echo "ruff is not on PATH: pip install ruff, or pipx install ruff" >&2; exit 1; }
+	@command -v $(RUFF) >/dev/null || { echo "ruff is not on PATH: pip install 'ruff>=0.17,<0.18'" >&2; exit 1; }
 	@$(RUFF) check $(ARGS) .
+	@$(RUFF) format --check --quiet . || { echo "ruff format would change files: run it" >&2; exit 1; }
 
 $(STAMP): pyproject.toml
 	@sh scripts/setup.sh wheel

@@ -33,7 +33,13 @@ def test_project(benchmark, run):
 
 def test_deposit_mass_and_momentum(benchmark, run):
     body = run.bodies[0]
-    values = np.hstack((body.mass[:, None], body.mass[:, None] * body.velocity, body.mass[:, None] * body.acceleration))
+    values = np.hstack(
+        (
+            body.mass[:, None],
+            body.mass[:, None] * body.velocity,
+            body.mass[:, None] * body.acceleration,
+        )
+    )
     nodal = np.zeros((run.grid.nodes, values.shape[1]))
     benchmark(run.stencils[0].deposit, values, nodal)
 
@@ -64,5 +70,10 @@ def test_place_composite(benchmark, block):
 
 def test_composite_gradients(benchmark, block):
     run = block("DM-GC")
-    benchmark(run.composites[0].gradient_at_points, run.bodies[0].x, run.cells[0], run.motion.nodal(run.motion.u))
+    benchmark(
+        run.composites[0].gradient_at_points,
+        run.bodies[0].x,
+        run.cells[0],
+        run.motion.nodal(run.motion.u),
+    )
     assert benchmark.stats.stats.min <= RECOVERY

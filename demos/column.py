@@ -1,6 +1,8 @@
-"""A pressure pulse runs down an elastic column: fixed, viscous and viscoelastic base against the exact answer.
+"""A pressure pulse runs down an elastic column: fixed, viscous and viscoelastic base against the
+exact answer.
 
-The one-dimensional test of Do, Vardon, González Acosta & Hicks (2023), section 4.1.  Units: m, s, kg, Pa.
+The one-dimensional test of Do, Vardon, González Acosta & Hicks (2023), section 4.1.  Units: m, s,
+kg, Pa.
 
     python demos/column.py          what the figure needs, about a minute
     python demos/column.py --all    every mapping
@@ -46,10 +48,21 @@ BASES = ("fixed", "viscous", "viscoelastic")
 
 soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 height, radius = 20.0, 20.0  # of the column; to the source, for the springs
-peak, small = 300e3, 0.3e3  # the paper's pressure, and one at which strains are as small as the exact answer assumes
+peak, small = (
+    300e3,
+    0.3e3,
+)  # the paper's pressure, and one at which strains are as small as the exact answer assumes
 end, dt = 1.5, 1e-3
-FIGURES = ("max_pressure_mid_kpa", "max_pressure_base_kpa", "max_displacement_mid_m", "error_pressure_mid",
-           "error_pressure_base", "error_displacement_mid", "error_displacement_top", "energy_left")
+FIGURES = (
+    "max_pressure_mid_kpa",
+    "max_pressure_base_kpa",
+    "max_displacement_mid_m",
+    "error_pressure_mid",
+    "error_pressure_base",
+    "error_displacement_mid",
+    "error_displacement_top",
+    "energy_left",
+)
 
 
 def pulse(t, load):
@@ -58,38 +71,55 @@ def pulse(t, load):
 
 
 def terms(base, load, surface, grid):
-    """The scene; ``surface`` gives facets to finite elements and surface points to material points."""
-    foot = {"fixed": lambda: Fixed(grid.facets("bottom"), "y"),
-            "viscous": lambda: Viscous(surface("bottom"), soil),
-            "viscoelastic": lambda: Viscoelastic(surface("bottom"), soil, radius)}
-    return [Fixed(grid.facets("left", "right"), "x"),
-            Traction(surface("top"), lambda t: (0.0, -pulse(t, load))),
-            foot[base]()]
+    """The scene; ``surface`` gives facets to finite elements and surface points to material
+    points."""
+    foot = {
+        "fixed": lambda: Fixed(grid.facets("bottom"), "y"),
+        "viscous": lambda: Viscous(surface("bottom"), soil),
+        "viscoelastic": lambda: Viscoelastic(surface("bottom"), soil, radius),
+    }
+    return [
+        Fixed(grid.facets("left", "right"), "x"),
+        Traction(surface("top"), lambda t: (0.0, -pulse(t, load))),
+        foot[base](),
+    ]
 
 
 def finite_elements(base, load, cell=0.25, step=dt, **options):
-    """The twin: facets of the mesh bear the load and the dashpots; ``options`` of ``FiniteElements``."""
+    """The twin: facets of the mesh bear the load and the dashpots; ``options`` of
+    ``FiniteElements``."""
     grid = Grid.box((0, 0), (1, height), cells=(round(1 / cell), round(height / cell)))
-    return FiniteElements(grid, soil, Newmark(step), terms(base, load, grid.facets, grid), **options)
+    return FiniteElements(
+        grid, soil, Newmark(step), terms(base, load, grid.facets, grid), **options
+    )
 
 
 def material_points(base, load, mapping=DM_GC, cell=0.25, step=dt, per_cell=4, **options):
-    """Material points: the column on a grid with room at the top, and for an absorbing base to drift; ``options`` of
-    ``Simulation``."""
+    """Material points: the column on a grid with room at the top, and for an absorbing base to
+    drift; ``options`` of ``Simulation``."""
     bottom = 0 if base == "fixed" else -1
-    grid = Grid.box((0, bottom), (1, height + 1), cells=(round(1 / cell), round((height + 1 - bottom) / cell)))
-    points = MaterialPoints.fill(grid, soil, per_cell, inside=lambda x: (x[1] > 0) & (x[1] < height))
-    return Simulation(grid, points, Newmark(step), terms(base, load, points.surface, grid), mapping, **options)
+    grid = Grid.box(
+        (0, bottom), (1, height + 1), cells=(round(1 / cell), round((height + 1 - bottom) / cell))
+    )
+    points = MaterialPoints.fill(
+        grid, soil, per_cell, inside=lambda x: (x[1] > 0) & (x[1] < height)
+    )
+    return Simulation(
+        grid, points, Newmark(step), terms(base, load, points.surface, grid), mapping, **options
+    )
 
 
 def answer(base, load):
     """The exact column."""
     spring = 2 * soil.lame[1] / radius if base == "viscoelastic" else 0.0
-    return Column(height, soil.p_speed, soil.density, lambda t: pulse(t, load), end, base == "fixed", spring)
+    return Column(
+        height, soil.p_speed, soil.density, lambda t: pulse(t, load), end, base == "fixed", spring
+    )
 
 
 def measure(run, base, load, until=None, progress=None):
-    """Run, and compare with the exact column: a row of figures, and curves of time, pressure, displacement."""
+    """Run, and compare with the exact column: a row of figures, and curves of time, pressure,
+    displacement."""
     middle, foot = (run.record(Probe("stress", (0.5, y))) for y in (height / 2, 0.0))
     half, top = (run.record(Probe("displacement", (0.5, y))) for y in (height / 2, height))
     energy = run.record(Energy())
@@ -103,12 +133,17 @@ def measure(run, base, load, until=None, progress=None):
     row["steps"], row["seconds"] = run.steps, round(time.perf_counter() - began, 3)
     wild = np.flatnonzero(energy.left > 1.5 * np.maximum.accumulate(energy["work"]).max())
     if len(wild) and row["unstable_at_step"] is None:
-        row["unstable_at_step"], row["reason"] = int(wild[0]), "more energy in the body than work was done on it"
+        row["unstable_at_step"], row["reason"] = (
+            int(wild[0]),
+            "more energy in the body than work was done on it",
+        )
     t, column = middle.times, answer(base, load)
-    pairs = {"pressure_mid": (-middle.values[:, 1], column.pressure(height / 2, t)),
-             "pressure_base": (-foot.values[:, 1], column.pressure(height, t)),
-             "displacement_mid": (-half.values[:, 1], column.displacement(height / 2, t)),
-             "displacement_top": (-top.values[:, 1], column.displacement(0.0, t))}
+    pairs = {
+        "pressure_mid": (-middle.values[:, 1], column.pressure(height / 2, t)),
+        "pressure_base": (-foot.values[:, 1], column.pressure(height, t)),
+        "displacement_mid": (-half.values[:, 1], column.displacement(height / 2, t)),
+        "displacement_top": (-top.values[:, 1], column.displacement(0.0, t)),
+    }
     if row["unstable_at_step"] is None:
         for name, (computed, known) in pairs.items():
             row[f"error_{name}"] = waves.relative_error(computed, known)
@@ -126,26 +161,52 @@ def scenes(everything):
     for base in BASES:
         yield "FE", base, peak, lambda base=base: finite_elements(base, peak)
         for mapping in mappings:
-            yield mapping.name, base, peak, lambda base=base, mapping=mapping: material_points(base, peak, mapping)
+            yield (
+                mapping.name,
+                base,
+                peak,
+                lambda base=base, mapping=mapping: material_points(base, peak, mapping),
+            )
         yield "FE", base, small, lambda base=base: finite_elements(base, small)
         yield "DM-GC", base, small, lambda base=base: material_points(base, small)
 
 
 def table(rows):
     """The rows as a table for the terminal."""
-    shown = Table(box=None, padding=(0, 1, 0, 0), title="Largest values, and L2 errors against the exact column")
-    for name in ("", "p mid\nkPa", "base\nkPa", "u mid\nmm", "error\np mid", "%\nbase", "%\nu mid", "%\nu top",
-                 "energy\nleft", "time\ns"):
+    shown = Table(
+        box=None,
+        padding=(0, 1, 0, 0),
+        title="Largest values, and L2 errors against the exact column",
+    )
+    for name in (
+        "",
+        "p mid\nkPa",
+        "base\nkPa",
+        "u mid\nmm",
+        "error\np mid",
+        "%\nbase",
+        "%\nu mid",
+        "%\nu top",
+        "energy\nleft",
+        "time\ns",
+    ):
         shown.add_column(name, justify="right" if name else "left", no_wrap=True)
     for load in (peak, small):
         for base in BASES:
             shown.add_row()
             shown.add_row(f"[bold]{base}", f"[bold]{load / 1e3:g}", "[bold]kPa")
-            for row in (row for row in rows if row["base"] == base and row["load_kpa"] == load / 1e3):
+            for row in (
+                row for row in rows if row["base"] == base and row["load_kpa"] == load / 1e3
+            ):
                 if row["unstable_at_step"] is None:
-                    maxima = [f"{row['max_pressure_mid_kpa']:.4g}", f"{row['max_pressure_base_kpa']:.4g}",
-                              f"{1e3 * row['max_displacement_mid_m']:.4g}"]
-                    errors = [f"{100 * row[name]:.2f}" for name in FIGURES if name.startswith("error")]
+                    maxima = [
+                        f"{row['max_pressure_mid_kpa']:.4g}",
+                        f"{row['max_pressure_base_kpa']:.4g}",
+                        f"{1e3 * row['max_displacement_mid_m']:.4g}",
+                    ]
+                    errors = [
+                        f"{100 * row[name]:.2f}" for name in FIGURES if name.startswith("error")
+                    ]
                     figures = [*maxima, *errors, f"{row['energy_left']:.0e}"]
                 else:
                     figures = ["unstable", "from step", str(row["unstable_at_step"]), *[""] * 5]
@@ -158,8 +219,14 @@ def figure(curves, path):
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    styles = {"MPM": ("#CC79A7", "-", 1.0), "FE": ("#E69F00", "-", 2.4), "DM-GC": ("#0072B2", (0, (4, 3)), 1.3)}
-    fig, axes = plt.subplots(2, 3, figsize=(11, 5.6), sharex=True, sharey="row", layout="constrained")
+    styles = {
+        "MPM": ("#CC79A7", "-", 1.0),
+        "FE": ("#E69F00", "-", 2.4),
+        "DM-GC": ("#0072B2", (0, (4, 3)), 1.3),
+    }
+    fig, axes = plt.subplots(
+        2, 3, figsize=(11, 5.6), sharex=True, sharey="row", layout="constrained"
+    )
     t = np.linspace(0.0, end, 1501)
     for base, (above, below) in zip(BASES, axes.T, strict=True):
         column = answer(base, peak)
@@ -178,9 +245,16 @@ def figure(curves, path):
             axis.set_xlim(0, end)
     axes[0, 0].set_ylabel("vertical stress (kPa)")
     axes[1, 0].set_ylabel("vertical displacement (m)")
-    fig.legend(*axes[0, 0].get_legend_handles_labels(), fontsize=9, ncols=4, loc="upper center",
-               bbox_to_anchor=(0.5, 0.0))
-    fig.suptitle("Column under a 300 kPa pulse, at mid-height (h = 0.25 m, Δt = 1 ms, 4 points a cell)")
+    fig.legend(
+        *axes[0, 0].get_legend_handles_labels(),
+        fontsize=9,
+        ncols=4,
+        loc="upper center",
+        bbox_to_anchor=(0.5, 0.0),
+    )
+    fig.suptitle(
+        "Column under a 300 kPa pulse, at mid-height (h = 0.25 m, Δt = 1 ms, 4 points a cell)"
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(path, dpi=150, bbox_inches="tight")  # with the legend, below the figure
     plt.close(fig)
@@ -189,13 +263,20 @@ def figure(curves, path):
 def main(arguments=None) -> list[dict]:
     """Run the scenes, print the table, write results/column.json and results/column.png."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--all", action="store_true", help="run every mapping, not only those of the figure")
+    parser.add_argument(
+        "--all", action="store_true", help="run every mapping, not only those of the figure"
+    )
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
     chosen = parser.parse_args(arguments)
     chosen.results.mkdir(parents=True, exist_ok=True)
     console, rows, curves = Console(), [], {}
     todo = list(scenes(chosen.all))
-    columns = (TextColumn("{task.description:32}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description:32}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=console) as progress:
         task = progress.add_task("", total=len(todo) * round(end / dt))
         for number, (name, base, load, make) in enumerate(todo):
@@ -213,7 +294,9 @@ def main(arguments=None) -> list[dict]:
             (chosen.results / "column.json").write_text(json.dumps(rows, indent=1) + "\n")
     figure(curves, chosen.results / "column.png")
     console.print(table(rows))
-    console.print(f"figure: {chosen.results / 'column.png'}, rows: {chosen.results / 'column.json'}")
+    console.print(
+        f"figure: {chosen.results / 'column.png'}, rows: {chosen.results / 'column.json'}"
+    )
     return rows
 
 

@@ -1,8 +1,9 @@
 """A strip on soil that softens: fixed, viscous and viscoelastic boundaries under the same pulses.
 
-The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2.  Units: m, s, kg, Pa.  The paper prints
-neither load nor softening modulus nor the points' places: they are assumed here, as are rollers where the sides are
-fixed.  Its quasi-static first step is left out: without gravity there is nothing at rest to carry over.
+The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2.  Units: m, s, kg, Pa.
+The paper prints neither load nor softening modulus nor the points' places: they are assumed here,
+as are rollers where the sides are fixed.  Its quasi-static first step is left out: without gravity
+there is nothing at rest to carry over.
 
     python demos/foundation.py            the paper's grid, a few minutes
     python demos/foundation.py --quick    cells of 0.125 m, half a minute
@@ -54,18 +55,31 @@ end, dt = 0.925, 5e-3
 ASSUMED = "assumed: load, softening, places of the points, radius; no quasi-static first step"
 softening = 50e3  # of cohesion, a unit of plastic strain
 load = 26e3
-maps_load, maps_softening = 36e3, 100e3  # where the maps look most like the paper's: studies/foundation_load.py
+maps_load, maps_softening = (
+    36e3,
+    100e3,
+)  # where the maps look most like the paper's: studies/foundation_load.py
 first, on, off = 0.225, 0.2, 0.1  # half-sines: start of the first, duration, pause
 radius = 4.0  # from the strip to the base, for the springs
 axis = width / 2
 point_1, point_2 = (axis, height - 0.5), (axis, height - 0.97)
 
 YIELDED = 1e-4  # plastic strain
-DEPARTURES = {"departs_from_viscous_s": 0.02, "departs_by_5_percent_s": 0.05}  # of the largest q with fixed edges
+DEPARTURES = {
+    "departs_from_viscous_s": 0.02,
+    "departs_by_5_percent_s": 0.05,
+}  # of the largest q with fixed edges
 FIGURES = {  # of a row, with the scale and the form in which the table shows them
-    "max_deviatoric_kpa": (1, ".2f"), "time_of_max_s": (1, ".3f"), "departs_from_viscous_s": (1, ".3f"),
-    "departs_by_5_percent_s": (1, ".3f"), "plastic_area_m2": (1, ".2f"), "settlement_m": (1e3, ".1f"),
-    "newton_per_step": (1, ".2f"), "seconds_per_step": (1e3, ".0f"), "energy_error": (100, ".2f")}
+    "max_deviatoric_kpa": (1, ".2f"),
+    "time_of_max_s": (1, ".3f"),
+    "departs_from_viscous_s": (1, ".3f"),
+    "departs_by_5_percent_s": (1, ".3f"),
+    "plastic_area_m2": (1, ".2f"),
+    "settlement_m": (1e3, ".1f"),
+    "newton_per_step": (1, ".2f"),
+    "seconds_per_step": (1e3, ".0f"),
+    "energy_error": (100, ".2f"),
+}
 
 
 def pulses(t, load):
@@ -86,18 +100,26 @@ def under_strip(x):
 
 
 def terms(boundary, load, surface, grid):
-    """The scene; ``surface`` gives facets to finite elements and surface points to material points."""
+    """The scene; ``surface`` gives facets to finite elements and surface points to material
+    points."""
     pressed = Traction(surface("top", where=under_strip), lambda t: (0.0, -float(pulses(t, load))))
     if boundary == "fixed":
         return [pressed, Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
     edge = surface("left", "right", "bottom")
-    return [pressed, Viscous(edge, elastic) if boundary == "viscous" else Viscoelastic(edge, elastic, radius)]
+    return [
+        pressed,
+        Viscous(edge, elastic) if boundary == "viscous" else Viscoelastic(edge, elastic, radius),
+    ]
 
 
 def finite_elements(boundary, load=load, softening=softening, cell=0.0625):
     """The twin, small strain: facets of the mesh bear the load and the dashpots."""
-    grid = Grid.box((0, 0), (width, height), (round(width / cell), round(height / cell)),
-                    facets={"strip": lambda x: under_strip(x) & (np.abs(x[1] - height) < 1e-9)})
+    grid = Grid.box(
+        (0, 0),
+        (width, height),
+        (round(width / cell), round(height / cell)),
+        facets={"strip": lambda x: under_strip(x) & (np.abs(x[1] - height) < 1e-9)},
+    )
 
     def surface(*sides, where=None):
         return grid.facets("strip") if where else grid.facets(*sides)
@@ -105,14 +127,22 @@ def finite_elements(boundary, load=load, softening=softening, cell=0.0625):
     return FiniteElements(grid, soil(softening), Newmark(dt), terms(boundary, load, surface, grid))
 
 
-def material_points(boundary, load=load, softening=softening, cell=0.0625, mapping=DM_GC, **options):
-    """Material points on a grid of ``meshes/``: with room for heave, and around sides and base where they drift;
-    ``options`` of ``Simulation``."""
+def material_points(
+    boundary, load=load, softening=softening, cell=0.0625, mapping=DM_GC, **options
+):
+    """Material points on a grid of ``meshes/``: with room for heave, and around sides and base
+    where they drift; ``options`` of ``Simulation``."""
     kind = "fixed" if boundary == "fixed" else "absorbing"
     grid = Grid.read(HOME / "meshes" / f"foundation_{kind}{CELLS[cell]}.vtu")
-    points = MaterialPoints.fill(grid, soil(softening), per_cell=4,
-                                 inside=lambda x: (x[0] > 0) & (x[0] < width) & (x[1] > 0) & (x[1] < height))
-    return Simulation(grid, points, Newmark(dt), terms(boundary, load, points.surface, grid), mapping, **options)
+    points = MaterialPoints.fill(
+        grid,
+        soil(softening),
+        per_cell=4,
+        inside=lambda x: (x[0] > 0) & (x[0] < width) & (x[1] > 0) & (x[1] < height),
+    )
+    return Simulation(
+        grid, points, Newmark(dt), terms(boundary, load, points.surface, grid), mapping, **options
+    )
 
 
 def deviatoric(stress):
@@ -122,22 +152,32 @@ def deviatoric(stress):
 
 
 def plastic_map(run):
-    """Lower corners and sizes (n, 2) of the boxes around the run's samples, their plastic strain, their volumes."""
+    """Lower corners and sizes (n, 2) of the boxes around the run's samples, their plastic strain,
+    their volumes."""
     if run.bodies:
         body = run.bodies[0]
         return body.x - body.half, 2 * body.half, body.history[:, 0], body.volume
     gauss, lattice = run.yielding.gauss, run.grid.lattice
     size = np.repeat(0.5 * (lattice.upper - lattice.lower), gauss.digit.shape[1], axis=0)
-    corner = np.repeat(lattice.lower, gauss.digit.shape[1], axis=0) + size * gauss.digit.reshape(size.shape)
+    corner = np.repeat(lattice.lower, gauss.digit.shape[1], axis=0) + size * gauss.digit.reshape(
+        size.shape
+    )
     return corner, size, run.yielding.history[:, 0], gauss.volume
 
 
 def measure(run, boundary, load=load, softening=softening, cell=0.0625, until=end, progress=None):
-    """Run: a row of figures; curves of time, vertical stress at point 1, q at point 2; the plastic strain's map."""
+    """Run: a row of figures; curves of time, vertical stress at point 1, q at point 2; the plastic
+    strain's map."""
     above, below = (run.record(Probe("stress", at)) for at in (point_1, point_2))
     surface, energy = run.record(Probe("displacement", (axis, height))), run.record(Energy())
-    row = {"method": run.name, "boundary": boundary, "load_kpa": load / 1e3, "softening_kpa": softening / 1e3,
-           "cell_m": cell, **dict.fromkeys(FIGURES)}
+    row = {
+        "method": run.name,
+        "boundary": boundary,
+        "load_kpa": load / 1e3,
+        "softening_kpa": softening / 1e3,
+        "cell_m": cell,
+        **dict.fromkeys(FIGURES),
+    }
     began = time.perf_counter()
     try:
         run.until(until, progress)
@@ -146,16 +186,23 @@ def measure(run, boundary, load=load, softening=softening, cell=0.0625, until=en
     seconds, steps = time.perf_counter() - began, max(run.steps, 1)
     corner, size, strain, volume = plastic_map(run)
     t, q = below.times, deviatoric(below.values)
-    row.update(max_deviatoric_kpa=float(q.max()) / 1e3, time_of_max_s=float(t[q.argmax()]),
-               plastic_area_m2=float(volume[strain > YIELDED].sum()), settlement_m=-float(surface.values[-1, 1]),
-               newton_per_step=run.equilibrium.solves / steps, seconds_per_step=seconds / steps, steps=run.steps)
+    row.update(
+        max_deviatoric_kpa=float(q.max()) / 1e3,
+        time_of_max_s=float(t[q.argmax()]),
+        plastic_area_m2=float(volume[strain > YIELDED].sum()),
+        settlement_m=-float(surface.values[-1, 1]),
+        newton_per_step=run.equilibrium.solves / steps,
+        seconds_per_step=seconds / steps,
+        steps=run.steps,
+    )
     if energy["work"][-1] > 0.0:
         row["energy_error"] = float(abs(energy.lost[-1]) / energy["work"][-1])
     return row, (t, above.values[:, 1], q), (corner, size, strain)
 
 
 def departure(fixed, viscous, share=0.02):
-    """First time (s) at which two curves of q differ by a share of the first one's peak, or None."""
+    """First time (s) at which two curves of q differ by a share of the first one's peak, or
+    None."""
     n = min(len(fixed[0]), len(viscous[0]))
     apart = np.flatnonzero(np.abs(fixed[2][:n] - viscous[2][:n]) > share * fixed[2].max())
     return float(fixed[0][apart[0]]) if len(apart) else None
@@ -168,14 +215,33 @@ def scenes(settings, cell, twin):
         for boundary in BOUNDARIES:
             for method, make in methods.items():
                 chosen = boundary, load, softening, cell
-                yield method, boundary, load, softening, lambda make=make, chosen=chosen: make(*chosen)
+                yield (
+                    method,
+                    boundary,
+                    load,
+                    softening,
+                    lambda make=make, chosen=chosen: make(*chosen),
+                )
 
 
 def table(rows):
     """The rows as a table for the terminal."""
-    shown = Table(box=None, padding=(0, 1, 0, 0), title="Strip foundation: load, softening", caption=ASSUMED)
-    for name in ("", "", "q max\nkPa", "at\ns", "leaves\nby 2 %", "visc.\nby 5 %", "yields\nm²", "down\nmm",
-                 "Newton\na step", "ms\na step", "energy\nerror %"):
+    shown = Table(
+        box=None, padding=(0, 1, 0, 0), title="Strip foundation: load, softening", caption=ASSUMED
+    )
+    for name in (
+        "",
+        "",
+        "q max\nkPa",
+        "at\ns",
+        "leaves\nby 2 %",
+        "visc.\nby 5 %",
+        "yields\nm²",
+        "down\nmm",
+        "Newton\na step",
+        "ms\na step",
+        "energy\nerror %",
+    ):
         shown.add_column(name, justify="right" if name else "left", no_wrap=not name)
     before = None
     for row in rows:
@@ -184,10 +250,15 @@ def table(rows):
             shown.add_row()
             shown.add_row(setting)
             before = setting
-        values = [None if row[name] is None else scale * row[name] for name, (scale, _) in FIGURES.items()]
+        values = [
+            None if row[name] is None else scale * row[name] for name, (scale, _) in FIGURES.items()
+        ]
         forms = [form for _, form in FIGURES.values()]
-        shown.add_row(row["boundary"], row["method"],
-                      *("" if v is None else format(v, form) for v, form in zip(values, forms, strict=True)))
+        shown.add_row(
+            row["boundary"],
+            row["method"],
+            *("" if v is None else format(v, form) for v, form in zip(values, forms, strict=True)),
+        )
         if "reason" in row:
             shown.add_row(f"[red]stopped: {row['reason']}")
     return shown
@@ -199,37 +270,62 @@ def draw(curves, found, settings, cell, folder):
     import foundation_figures
 
     t = np.linspace(0.0, end, 2000)
-    says = [f"{load / 1e3:g} kPa, softening {softening / 1e3:g} kPa" for load, softening in settings]
+    says = [
+        f"{load / 1e3:g} kPa, softening {softening / 1e3:g} kPa" for load, softening in settings
+    ]
     both = [curves.get(("DM-GC", boundary)) for boundary in ("fixed", "viscous")]
     apart = {share: departure(*both, share) for share in DEPARTURES.values()}
     foundation_figures.histories(
-        curves, (t, pulses(t, settings[0][0])), plateau, apart, [height - y for _, y in (point_1, point_2)],
+        curves,
+        (t, pulses(t, settings[0][0])),
+        plateau,
+        apart,
+        [height - y for _, y in (point_1, point_2)],
         f"Strip foundation, {says[0]} (h = {cell:g} m, Δt = {1e3 * dt:g} ms, 4 points a cell)",
-        folder / "foundation.png")
+        folder / "foundation.png",
+    )
     foundation_figures.maps(
-        found, BOUNDARIES, (width, height), (axis - strip / 2, axis + strip / 2),
+        found,
+        BOUNDARIES,
+        (width, height),
+        (axis - strip / 2, axis + strip / 2),
         f"Plastic strain at t = {end:g} s under {says[-1]}, both assumed (h = {cell:g} m)",
-        folder / "foundation_maps.png")
+        folder / "foundation_maps.png",
+    )
 
 
 def main(arguments=None) -> list[dict]:
-    """Run the scenes, print the table, write foundation.json, foundation.png and foundation_maps.png."""
+    """Run the scenes, print the table, write foundation.json, foundation.png and
+    foundation_maps.png."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="cells of 0.125 m")
     parser.add_argument("--load", type=float, metavar="kPa", help="one load for curves and maps")
-    parser.add_argument("--softening", type=float, metavar="kPa", help="of cohesion, a unit of plastic strain")
+    parser.add_argument(
+        "--softening", type=float, metavar="kPa", help="of cohesion, a unit of plastic strain"
+    )
     parser.add_argument("--no-fe", action="store_true", help="leave the finite element twin out")
-    parser.add_argument("--results", type=Path, default=HOME / "results", help="folder for the results")
+    parser.add_argument(
+        "--results", type=Path, default=HOME / "results", help="folder for the results"
+    )
     chosen = parser.parse_args(arguments)
     settings = [(load, softening), (maps_load, maps_softening)]
     if chosen.load is not None or chosen.softening is not None:
-        settings = [tuple(known if given is None else 1e3 * given
-                          for given, known in ((chosen.load, load), (chosen.softening, softening)))]
+        settings = [
+            tuple(
+                known if given is None else 1e3 * given
+                for given, known in ((chosen.load, load), (chosen.softening, softening))
+            )
+        ]
     cell = 0.125 if chosen.quick else 0.0625
     chosen.results.mkdir(parents=True, exist_ok=True)
     console, rows, curves, found = Console(), [], {}, {}
     todo = list(scenes(settings, cell, not chosen.no_fe))
-    columns = (TextColumn("{task.description:32}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description:32}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=console) as progress:
         steps = round(end / dt)
         task = progress.add_task("", total=len(todo) * steps)
@@ -239,7 +335,9 @@ def main(arguments=None) -> list[dict]:
             def advance(step, done=number * steps):
                 progress.update(task, completed=done + step)
 
-            row, curve, strain = measure(make(), boundary, *setting, cell, until=end, progress=advance)
+            row, curve, strain = measure(
+                make(), boundary, *setting, cell, until=end, progress=advance
+            )
             progress.update(task, completed=(number + 1) * steps)
             rows.append(row)
             if tuple(setting) == settings[0]:
@@ -253,8 +351,10 @@ def main(arguments=None) -> list[dict]:
             (chosen.results / "foundation.json").write_text(json.dumps(rows, indent=1) + "\n")
     draw(curves, found, settings, cell, chosen.results)
     console.print(table(rows))
-    console.print(f"figures: {chosen.results / 'foundation.png'}, {chosen.results / 'foundation_maps.png'}, "
-                  f"rows: {chosen.results / 'foundation.json'}")
+    console.print(
+        f"figures: {chosen.results / 'foundation.png'}, {chosen.results / 'foundation_maps.png'}, "
+        f"rows: {chosen.results / 'foundation.json'}"
+    )
     return rows
 
 

@@ -14,34 +14,66 @@ WIDTHS = {"fixed": 3.0, "viscous": 5.5, "viscoelastic": 2.2}  # the absorbing on
 def histories(curves, pressure, plateau, apart, depths, title, path):
     """Load, vertical stress at one point and deviatoric stress q at another, over time.
 
-    ``curves``: (time, vertical stress, q) by method and boundary; ``pressure``: time and load; ``apart``: when fixed
-    leaves viscous by a share of its largest q, or None; ``depths`` of the points.
+    ``curves``: (time, vertical stress, q) by method and boundary; ``pressure``: time and load;
+    ``apart``: when fixed leaves viscous by a share of its largest q, or None; ``depths`` of the
+    points.
     """
-    fig, axes = plt.subplots(3, 1, figsize=(8.5, 8.5), sharex=True, layout="constrained",
-                             gridspec_kw={"height_ratios": (0.45, 1, 1)})
+    fig, axes = plt.subplots(
+        3,
+        1,
+        figsize=(8.5, 8.5),
+        sharex=True,
+        layout="constrained",
+        gridspec_kw={"height_ratios": (0.45, 1, 1)},
+    )
     above, middle, below = axes
     t, p = pressure
     above.fill_between(t, p / 1e3, color="0.85")
     above.plot(t, p / 1e3, color="0.3", lw=1)
     for (method, boundary), (time, vertical, q) in curves.items():
-        style = {"lw": 0.9, "ls": (0, (5, 2))} if method == "FE" else {"lw": WIDTHS[boundary], "alpha": 0.55}
+        style = (
+            {"lw": 0.9, "ls": (0, (5, 2))}
+            if method == "FE"
+            else {"lw": WIDTHS[boundary], "alpha": 0.55}
+        )
         for ax, curve in ((middle, vertical), (below, q)):
-            ax.plot(time, curve / 1e3, color=COLOURS[boundary], label=f"{boundary}, {method}", **style)
+            ax.plot(
+                time, curve / 1e3, color=COLOURS[boundary], label=f"{boundary}, {method}", **style
+            )
     below.axhline(plateau / 1e3, color="0.25", lw=0.9, ls=":")
-    below.annotate(f"first yield, {plateau / 1e3:.1f} kPa", (0.01, plateau / 1e3), (0, -11),
-                   textcoords="offset points", fontsize=8, color="0.25")
+    below.annotate(
+        f"first yield, {plateau / 1e3:.1f} kPa",
+        (0.01, plateau / 1e3),
+        (0, -11),
+        textcoords="offset points",
+        fontsize=8,
+        color="0.25",
+    )
     lines = ["fixed leaves viscous by"]
     for share, when in apart.items():
         if when is not None:
             below.axvline(when, color="#CC79A7", lw=1)
             lines.append(f"{100 * share:g} % of max q at {when:g} s")
     if len(lines) > 1:
-        below.annotate("\n".join(lines), (max(filter(None, apart.values())), 11.0), (8, 0),
-                       textcoords="offset points", fontsize=8, color="#9A4A7A")
+        below.annotate(
+            "\n".join(lines),
+            (max(filter(None, apart.values())), 11.0),
+            (8, 0),
+            textcoords="offset points",
+            fontsize=8,
+            color="#9A4A7A",
+        )
     above.set(ylabel="pressure (kPa)", title="on the strip (assumed)", ylim=(0, None))
-    middle.set(ylabel="vertical stress (kPa)", title=f"point 1: on the axis, {depths[0]:.2f} m deep (assumed)")
-    below.set(ylabel="deviatoric stress q (kPa)", title=f"point 2: on the axis, {depths[1]:.2f} m deep (assumed)",
-              xlabel="time (s)", ylim=(0, None))
+    middle.set(
+        ylabel="vertical stress (kPa)",
+        title=f"point 1: on the axis, {depths[0]:.2f} m deep (assumed)",
+    )
+    below.set(
+        ylabel="deviatoric stress q (kPa)",
+        title=f"point 2: on the axis, {depths[1]:.2f} m deep (assumed)",
+        xlabel="time (s)",
+        ylim=(0, None),
+    )
     for ax in axes:
         ax.grid(alpha=0.3)
         ax.set_xlim(0, t[-1])
@@ -55,27 +87,50 @@ def histories(curves, pressure, plateau, apart, depths, title, path):
 def maps(found, boundaries, body, strip, title, path):
     """Plastic strain: a column of maps a boundary, a row a method.
 
-    ``found``: lower corners (n, 2), sizes (n, 2) and plastic strain (n,) of boxes by method and boundary; ``body``:
-    its width and height; ``strip``: its ends.
+    ``found``: lower corners (n, 2), sizes (n, 2) and plastic strain (n,) of boxes by method and
+    boundary; ``body``: its width and height; ``strip``: its ends.
     """
     methods = list(dict.fromkeys(method for method, _ in found))
-    fig, axes = plt.subplots(len(methods), len(boundaries), figsize=(4 * len(boundaries), 2.9 * len(methods) + 0.8),
-                             sharex=True, sharey=True, squeeze=False, layout="constrained")
+    fig, axes = plt.subplots(
+        len(methods),
+        len(boundaries),
+        figsize=(4 * len(boundaries), 2.9 * len(methods) + 0.8),
+        sharex=True,
+        sharey=True,
+        squeeze=False,
+        layout="constrained",
+    )
     colours = plt.get_cmap("magma_r").with_extremes(under="0.86")
     ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
     for (method, boundary), (corner, size, strain) in found.items():
         ax = axes[methods.index(method), boundaries.index(boundary)]
-        boxes = PolyCollection(corner[:, None] + size[:, None] * ring, array=np.maximum(strain, 1e-9), cmap=colours,
-                               norm=LogNorm(1e-3, 1.0), edgecolors="face", linewidths=0.2, rasterized=True)
+        boxes = PolyCollection(
+            corner[:, None] + size[:, None] * ring,
+            array=np.maximum(strain, 1e-9),
+            cmap=colours,
+            norm=LogNorm(1e-3, 1.0),
+            edgecolors="face",
+            linewidths=0.2,
+            rasterized=True,
+        )
         shown = ax.add_collection(boxes)
         ax.plot(strip, 2 * [body[1] + 0.15], color="#0072B2", lw=3, solid_capstyle="butt")
-        ax.set(title=f"{boundary}, {method}", aspect="equal", xlim=(-0.1, body[0] + 0.1), ylim=(-0.1, body[1] + 0.35))
+        ax.set(
+            title=f"{boundary}, {method}",
+            aspect="equal",
+            xlim=(-0.1, body[0] + 0.1),
+            ylim=(-0.1, body[1] + 0.35),
+        )
     for ax in axes[-1]:
         ax.set_xlabel("x (m)")
     for ax in axes[:, 0]:
         ax.set_ylabel("y (m)")
-    fig.colorbar(shown, ax=axes, extend="both", label="plastic strain κ (-), grey: below 0.001", shrink=0.8)
-    fig.suptitle(f"{title}\nmaterial points where they are then, elements undeformed; blue: strip as it was",
-                 fontsize=11)
+    fig.colorbar(
+        shown, ax=axes, extend="both", label="plastic strain κ (-), grey: below 0.001", shrink=0.8
+    )
+    fig.suptitle(
+        f"{title}\nmaterial points where they are then, elements undeformed; blue: strip as it was",
+        fontsize=11,
+    )
     fig.savefig(path, dpi=150)
     plt.close(fig)

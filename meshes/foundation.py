@@ -18,14 +18,18 @@ import numpy as np
 FOLDER = Path(__file__).parent
 WIDTH, HEIGHT = 6.0, 4.0  # of the body, whose lower left corner is the origin
 ROOM = 0.25
-EXTENTS = {"fixed": ((0.0, 0.0), (WIDTH, HEIGHT + ROOM)),
-           "absorbing": ((-ROOM, -ROOM), (WIDTH + ROOM, HEIGHT + ROOM))}
+EXTENTS = {
+    "fixed": ((0.0, 0.0), (WIDTH, HEIGHT + ROOM)),
+    "absorbing": ((-ROOM, -ROOM), (WIDTH + ROOM, HEIGHT + ROOM)),
+}
 CELLS = {"": 0.0625, "_coarse": 0.125}
 
 
 def quads(lower, upper, cell) -> meshio.Mesh:
     """Equal quadrilaterals of side ``cell`` between two corners."""
-    x, y = (a + cell * np.arange(round((b - a) / cell) + 1) for a, b in zip(lower, upper, strict=True))
+    x, y = (
+        a + cell * np.arange(round((b - a) / cell) + 1) for a, b in zip(lower, upper, strict=True)
+    )
     points = np.stack([*np.meshgrid(x, y), np.zeros((len(y), len(x)))], -1).reshape(-1, 3)
     first = (len(x) * np.arange(len(y) - 1)[:, None] + np.arange(len(x) - 1)).ravel()
     ring = np.array([0, 1, len(x) + 1, len(x)])
@@ -34,8 +38,11 @@ def quads(lower, upper, cell) -> meshio.Mesh:
 
 def meshes() -> dict[str, meshio.Mesh]:
     """All of them, by file name."""
-    return {f"foundation_{kind}{fineness}.vtu": quads(*extent, cell)
-            for kind, extent in EXTENTS.items() for fineness, cell in CELLS.items()}
+    return {
+        f"foundation_{kind}{fineness}.vtu": quads(*extent, cell)
+        for kind, extent in EXTENTS.items()
+        for fineness, cell in CELLS.items()
+    }
 
 
 def main(arguments=None) -> None:
@@ -46,7 +53,10 @@ def main(arguments=None) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for name, mesh in meshes().items():
         meshio.write(folder / name, mesh, binary=True, compression="zlib")
-        print(f"{folder / name}: {len(mesh.cells[0].data)} cells, {(folder / name).stat().st_size / 1e3:.0f} kB")
+        print(
+            f"{folder / name}: {len(mesh.cells[0].data)} cells, "
+            f"{(folder / name).stat().st_size / 1e3:.0f} kB"
+        )
 
 
 if __name__ == "__main__":

@@ -1,11 +1,14 @@
-"""Composite strain across a direction: linear between rows of nodes, or polynomials there too (a tensor product).
+"""Composite strain across a direction: linear between rows of nodes, or polynomials there too (a
+tensor product).
 
-The derivative along a direction comes from the polynomial through the patch's nodes on it.  Between the rows of nodes
-it can be interpolated linearly, as the package does, or by the patch's polynomials of the other directions.  Measured:
+The derivative along a direction comes from the polynomial through the patch's nodes on it.  Between
+the rows of nodes it can be interpolated linearly, as the package does, or by the patch's
+polynomials of the other directions.  Measured:
 
-    accuracy   standing waves of shear and of pressure in a square between smooth walls, exact answer known: errors
-               (relative L2 over a period) of displacement and stress
-    stability  a free block set off in its lowest mode: energy after 1,000 steps over that at the start
+    accuracy   standing waves of shear and of pressure in a square between smooth walls, exact
+               answer known: errors (relative L2 over a period) of displacement and stress
+    stability  a free block set off in its lowest mode: energy after 1,000 steps over that at the
+               start
 
 Writes results/composite_across.json.
 
@@ -23,7 +26,17 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from mpm_fenicsx import DM_GC, Energy, Fixed, Grid, LinearElastic, MaterialPoints, Newmark, RunError, Simulation
+from mpm_fenicsx import (
+    DM_GC,
+    Energy,
+    Fixed,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    RunError,
+    Simulation,
+)
 from mpm_fenicsx.common.compiled import digits
 from mpm_fenicsx.mapping.composite_patches import Composite
 
@@ -32,19 +45,26 @@ soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 
 
 class TensorProduct(Composite):
-    """Polynomials in every direction; for bodies whose filled cells make a rectangle, so that patches are whole."""
+    """Polynomials in every direction; for bodies whose filled cells make a rectangle, so that
+    patches are whole."""
 
     def gradient_at_points(self, x: np.ndarray, cell: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-        """Gradients (n, dim, dim) at points x (n, dim) in cells (n,) of nodal vectors (nodes, dim)."""
+        """Gradients (n, dim, dim) at points x (n, dim) in cells (n,) of nodal vectors (nodes,
+        dim)."""
         lat, dim = self.grid.lattice, self.grid.dim
         h = (lat.upper - lat.lower)[cell]
         t, order = (x - lat.lower[cell]) / h, np.arange(4)
         power = self.power[cell]
         line = np.einsum("ndik,ndk->ndi", power, t[..., None] ** order)
-        slope = np.einsum("ndik,ndk->ndi", power, order * t[..., None] ** np.maximum(order - 1, 0)) / h[..., None]
+        slope = (
+            np.einsum("ndik,ndk->ndi", power, order * t[..., None] ** np.maximum(order - 1, 0))
+            / h[..., None]
+        )
         table, around = digits(4, dim), nodal[np.maximum(lat.patch[cell], 0)]
-        weights = [np.prod([(slope if e == d else line)[:, e, table[:, e]] for e in range(dim)], axis=0)
-                   for d in range(dim)]
+        weights = [
+            np.prod([(slope if e == d else line)[:, e, table[:, e]] for e in range(dim)], axis=0)
+            for d in range(dim)
+        ]
         return np.einsum("dnk,nke->ned", weights, around)
 
 
@@ -77,20 +97,35 @@ def wave(across: str, kind: str, cells: int) -> dict:
     for _ in range(steps):
         run.step()
         now = small * np.sin(ω * run.time)
-        for i, (found, exact) in enumerate(((body.x - X, shape), (body.stress[:, [0, 1, 3]], stress))):
+        for i, (found, exact) in enumerate(
+            ((body.x - X, shape), (body.stress[:, [0, 1, 3]], stress))
+        ):
             wrong[i] += ((found - now * exact) ** 2).sum()
             known[i] += ((now * exact) ** 2).sum()
     displacement, stress = np.sqrt(wrong / known)
-    return {"across": across, "scene": f"{kind} wave, {cells} cells", "error_displacement": displacement,
-            "error_stress": stress}
+    return {
+        "across": across,
+        "scene": f"{kind} wave, {cells} cells",
+        "error_displacement": displacement,
+        "error_stress": stress,
+    }
 
 
-def block(across: str, cells: tuple[int, int], offset: float, courant: float, steps: int = 1000) -> dict:
+def block(
+    across: str, cells: tuple[int, int], offset: float, courant: float, steps: int = 1000
+) -> dict:
     """Energy left (-) in a free block, ``offset`` cells off the grid lines."""
     h, (nx, ny) = 0.25, cells
-    grid, stepping = Grid.box((0, 0), (2 * nx * h, 2 * ny * h), (2 * nx, 2 * ny)), Newmark(courant * h / soil.p_speed)
-    body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x[0] > h) & (x[0] < (1 + nx) * h)
-                               & (x[1] > h) & (x[1] < (1 + ny) * h))
+    grid, stepping = (
+        Grid.box((0, 0), (2 * nx * h, 2 * ny * h), (2 * nx, 2 * ny)),
+        Newmark(courant * h / soil.p_speed),
+    )
+    body = MaterialPoints.fill(
+        grid,
+        soil,
+        4,
+        inside=lambda x: (x[0] > h) & (x[0] < (1 + nx) * h) & (x[1] > h) & (x[1] < (1 + ny) * h),
+    )
     body.velocity = np.zeros_like(body.x)
     body.velocity[:, 0] = 1e-5 * soil.p_speed * np.cos(np.pi * (body.x[:, 0] / h - 1) / nx)
     body.x += offset * h
@@ -102,8 +137,11 @@ def block(across: str, cells: tuple[int, int], offset: float, courant: float, st
         left = energy.left[-1] / energy.left[0]
     except RunError:
         pass
-    return {"across": across, "scene": f"free block of {nx} x {ny} cells, {offset:g} off, Courant {courant:g}",
-            "energy_left": float(left)}
+    return {
+        "across": across,
+        "scene": f"free block of {nx} x {ny} cells, {offset:g} off, Courant {courant:g}",
+        "energy_left": float(left),
+    }
 
 
 def main(arguments=None) -> list[dict]:
@@ -115,8 +153,12 @@ def main(arguments=None) -> list[dict]:
     chosen.results.mkdir(parents=True, exist_ok=True)
     sizes, steps = ((10,), 100) if chosen.quick else ((10, 20), 1000)
     jobs = [(wave, (kind, n)) for kind in ("shear", "pressure") for n in sizes]
-    jobs += [(block, (cells, offset, courant, steps)) for cells in ((4, 3), (8, 6))[: len(sizes)]
-             for offset in (0.0, 0.3) for courant in (0.5, 2.0)]
+    jobs += [
+        (block, (cells, offset, courant, steps))
+        for cells in ((4, 3), (8, 6))[: len(sizes)]
+        for offset in (0.0, 0.3)
+        for courant in (0.5, 2.0)
+    ]
     rows = [job(across, *of) for job, of in track(jobs, "scenes") for across in ACROSS]
     shown = Table(title="Linear across, and a tensor product", box=None, padding=(0, 2, 0, 0))
     for name in ("scene", "measure", *ACROSS):
@@ -124,7 +166,10 @@ def main(arguments=None) -> list[dict]:
     for pair in zip(rows[::2], rows[1::2], strict=True):
         for name in list(pair[0])[2:]:
             shown.add_row(pair[0]["scene"], name, *(f"{row[name]:.3g}" for row in pair))
-    finite = [{k: v if not isinstance(v, float) or np.isfinite(v) else None for k, v in row.items()} for row in rows]
+    finite = [
+        {k: v if not isinstance(v, float) or np.isfinite(v) else None for k, v in row.items()}
+        for row in rows
+    ]
     (chosen.results / "composite_across.json").write_text(json.dumps(finite, indent=1) + "\n")
     Console(width=120).print(shown)
     return rows

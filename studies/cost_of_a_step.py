@@ -1,12 +1,16 @@
-"""The bill of one elastic dynamic step, piece by piece, for material points and for the finite element twins.
+"""The bill of one elastic dynamic step, piece by piece, for material points and for the finite
+element twins.
 
-    bill    every method and size: seconds a step and of each piece, iterations, memory; a process each
-    ratio   all methods on one grid, taking turns in one process, so that what else the machine does cancels
+    bill    every method and size: seconds a step and of each piece, iterations, memory; a process
+            each
+    ratio   all methods on one grid, taking turns in one process, so that what else the machine does
+            cancels
     empty   the same body on a grid with four times the cells, the added ones empty; taking turns
-    start   from nothing to the first step of the demo's column: with empty caches, then as any later run
+    start   from nothing to the first step of the demo's column: with empty caches, then as any
+            later run
 
-Seconds are those of blocks of four steps, after a warm-up: the median block and the least.  Rows are kept in
-results/cost_of_a_step.json, which a broken run goes on from; the figure is beside it.
+Seconds are those of blocks of four steps, after a warm-up: the median block and the least.  Rows
+are kept in results/cost_of_a_step.json, which a broken run goes on from; the figure is beside it.
 
     OMP_NUM_THREADS=1 python studies/cost_of_a_step.py [--quick] [--again]
 """
@@ -46,20 +50,30 @@ def blocks_at(points: int) -> int:
 
 
 def bill(method: str, dim: int, cell: float) -> dict:
-    """Seconds, iterations and memory of one run; memory is counted from after a run on a tiny grid."""
+    """Seconds, iterations and memory of one run; memory is counted from after a run on a tiny
+    grid."""
     scene(method, dim, 0.5).step()
     row, before, began = size(dim, cell), resident(), time.perf_counter()
     accounts = Bill(scene(method, dim, cell))
     accounts.run.step()
     row["first_step_s"] = time.perf_counter() - began
     blocks = [accounts.block(BLOCK)]  # the first is no measure
-    while len(blocks) < WARM + blocks_at(row["points"]) and sum(map(total, blocks)) * BLOCK < PATIENCE:
+    while (
+        len(blocks) < WARM + blocks_at(row["points"]) and sum(map(total, blocks)) * BLOCK < PATIENCE
+    ):
         blocks.append(accounts.block(BLOCK))
-    blocks = blocks[min(WARM, len(blocks) - 1):]
+    blocks = blocks[min(WARM, len(blocks) - 1) :]
     grown, pieces = peak() - before, middle(blocks)
-    return {**row, "seconds": total(pieces), "seconds_min": min(map(total, blocks)), "pieces": pieces,
-            "iterations": accounts.run.equilibrium.iterations, "steps": BLOCK * len(blocks), "bytes": grown,
-            "bytes_a_point": grown / row["points"]}
+    return {
+        **row,
+        "seconds": total(pieces),
+        "seconds_min": min(map(total, blocks)),
+        "pieces": pieces,
+        "iterations": accounts.run.equilibrium.iterations,
+        "steps": BLOCK * len(blocks),
+        "bytes": grown,
+        "bytes_a_point": grown / row["points"],
+    }
 
 
 def taking_turns(bills: dict[str, Bill], rounds: int) -> dict[str, np.ndarray]:
@@ -81,15 +95,26 @@ def spread(ratios: np.ndarray) -> list[float]:
 def ratio(dim: int, cell: float) -> dict:
     """Step of each mapping over that of each twin: median over the rounds, and quartiles."""
     row = size(dim, cell)
-    seconds = taking_turns({name: Bill(scene(name, dim, cell)) for name in METHODS}, blocks_at(row["points"]))
-    return {**row, "seconds": {name: float(np.median(s)) for name, s in seconds.items()},
-            "ratios": {f"{m} / {twin}": spread(seconds[m] / seconds[twin]) for m in MAPPINGS for twin in TWINS}}
+    seconds = taking_turns(
+        {name: Bill(scene(name, dim, cell)) for name in METHODS}, blocks_at(row["points"])
+    )
+    return {
+        **row,
+        "seconds": {name: float(np.median(s)) for name, s in seconds.items()},
+        "ratios": {
+            f"{m} / {twin}": spread(seconds[m] / seconds[twin]) for m in MAPPINGS for twin in TWINS
+        },
+    }
 
 
 def empty(method: str, dim: int, cell: float) -> dict:
-    """Step on a grid with four times the cells over that on the body's own, both with a row of room."""
+    """Step on a grid with four times the cells over that on the body's own, both with a row of
+    room."""
     row, rows = size(dim, cell), counts(dim, cell)[1]
-    bills = {"own": Bill(scene(method, dim, cell)), "wide": Bill(scene(method, dim, cell, 1 + 3 * rows))}
+    bills = {
+        "own": Bill(scene(method, dim, cell)),
+        "wide": Bill(scene(method, dim, cell, 1 + 3 * rows)),
+    }
     seconds = taking_turns(bills, blocks_at(row["points"]))
     return {**row, "ratio": spread(seconds["wide"] / seconds["own"])}
 
@@ -110,20 +135,36 @@ print(json.dumps({"import": imported - started, "build": built - imported, "step
 
 
 def start(base: str, caches: str) -> dict:
-    """Seconds to the first step of the column in a process of its own, by stages, the best of three; where
-    ``caches`` are "emptied" after one that fills them, else with those of this machine."""
+    """Seconds to the first step of the column in a process of its own, by stages, the best of
+    three; where ``caches`` are "emptied" after one that fills them, else with those of this
+    machine."""
     emptied = caches == "emptied"
     with tempfile.TemporaryDirectory() as folder:
-        where = dict(os.environ, PYTHONPATH=os.pathsep.join([str(HOME), os.environ.get("PYTHONPATH", "")]))
+        where = dict(
+            os.environ, PYTHONPATH=os.pathsep.join([str(HOME), os.environ.get("PYTHONPATH", "")])
+        )
         if emptied:
             where.update(XDG_CACHE_HOME=folder, NUMBA_CACHE_DIR=folder)
         command = [sys.executable, "-c", FIRST_STEP]
-        found = [json.loads(subprocess.run([*command, str(time.time()), str(HOME / "demos"), base], env=where,
-                                           check=True, capture_output=True, text=True).stdout.splitlines()[-1])
-                 for _ in range(4)]
+        found = [
+            json.loads(
+                subprocess.run(
+                    [*command, str(time.time()), str(HOME / "demos"), base],
+                    env=where,
+                    check=True,
+                    capture_output=True,
+                    text=True,
+                ).stdout.splitlines()[-1]
+            )
+            for _ in range(4)
+        ]
     best = min(found[1:], key=lambda stages: stages["seconds"])
-    return {"points": 1280, "first": found[0]["seconds"] if emptied else None, "seconds": best["seconds"],
-            "stages": best}
+    return {
+        "points": 1280,
+        "first": found[0]["seconds"] if emptied else None,
+        "seconds": best["seconds"],
+        "stages": best,
+    }
 
 
 def cases(quick: bool) -> list[dict]:
@@ -131,10 +172,16 @@ def cases(quick: bool) -> list[dict]:
     sizes = [(d, cell) for d in (2, 3) for cell in (CELLS[d][:1] if quick else CELLS[d])]
     turns = sizes[:1] if quick else [(2, CELLS[2][1]), (2, CELLS[2][2]), (3, CELLS[3][1])]
     wide = CELLS[2][0 if quick else 1]
-    todo = [("start", base, 2, 0.25, "kept" if quick else "emptied") for base in ("fixed", "viscous")]
+    todo = [
+        ("start", base, 2, 0.25, "kept" if quick else "emptied") for base in ("fixed", "viscous")
+    ]
     todo += [("empty", name, 2, wide) for name in (("DM-GC",) if quick else MAPPINGS)]
     todo += [("ratio", "all", *at) for at in turns]
-    todo += [("bill", name, *at) for at in sorted(sizes, key=lambda at: size(*at)["points"]) for name in METHODS]
+    todo += [
+        ("bill", name, *at)
+        for at in sorted(sizes, key=lambda at: size(*at)["points"])
+        for name in METHODS
+    ]
     return [dict(zip(KEYS, case, strict=False)) for case in todo]
 
 
@@ -143,18 +190,28 @@ def measure(case: dict) -> dict:
     from dolfinx import __version__ as version
 
     kind, method, dim, cell = (case[key] for key in KEYS[:4])
-    found = {"bill": lambda: bill(method, dim, cell), "ratio": lambda: ratio(dim, cell),
-             "empty": lambda: empty(method, dim, cell), "start": lambda: start(method, case["caches"])}[kind]()
+    found = {
+        "bill": lambda: bill(method, dim, cell),
+        "ratio": lambda: ratio(dim, cell),
+        "empty": lambda: empty(method, dim, cell),
+        "start": lambda: start(method, case["caches"]),
+    }[kind]()
     return {**case, **found, "courant": COURANT, "dolfinx": version}
 
 
 def in_its_own_process(case: dict) -> dict:
     """``measure`` where nothing has been run before; a case that fails keeps its last line."""
-    done = subprocess.run([sys.executable, __file__, "--case", json.dumps(case)], capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, __file__, "--case", json.dumps(case)], capture_output=True, text=True
+    )
     if done.returncode:
         from dolfinx import __version__ as version
 
-        return {**case, "dolfinx": version, "failed": (done.stderr.strip().splitlines() or ["no word"])[-1]}
+        return {
+            **case,
+            "dolfinx": version,
+            "failed": (done.stderr.strip().splitlines() or ["no word"])[-1],
+        }
     return json.loads(done.stdout.splitlines()[-1])
 
 
@@ -164,11 +221,14 @@ def same(row: dict, case: dict, version: str) -> bool:
 
 
 def main(arguments=None) -> list[dict]:
-    """Measure what is not there yet, print the bill and what the issue asks for, draw the figure."""
+    """Measure what is not there yet, print the bill and what the issue asks for, draw the
+    figure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="smallest grids, under two minutes")
     parser.add_argument("--again", action="store_true", help="measure also what is there already")
-    parser.add_argument("--results", type=Path, default=HOME / "results", help="folder for the results")
+    parser.add_argument(
+        "--results", type=Path, default=HOME / "results", help="folder for the results"
+    )
     parser.add_argument("--case", type=json.loads, help=argparse.SUPPRESS)
     chosen = parser.parse_args(arguments)
     if chosen.case:

@@ -1,4 +1,5 @@
-"""Who spends the time of a step: clocks around the methods of a run, from outside, and the memory of the process."""
+"""Who spends the time of a step: clocks around the methods of a run, from outside, and the memory
+of the process."""
 
 from __future__ import annotations
 
@@ -12,16 +13,30 @@ from mpi4py import MPI  # noqa: F401  before petsc4py: it loads the MPI library 
 
 from petsc4py import PETSc
 
-PIECES = ("locate", "project", "predict", "load", "force", "assemble", "factor", "solve", "recover", "correct",
-          "carry", "record", "other")
+PIECES = (
+    "locate",
+    "project",
+    "predict",
+    "load",
+    "force",
+    "assemble",
+    "factor",
+    "solve",
+    "recover",
+    "correct",
+    "carry",
+    "record",
+    "other",
+)
 POINTS = ("locate", "project", "recover", "carry")  # the points' own work, as the issue counts it
 
 
 class Bill:
     """Seconds of each piece of a run's steps, without the pieces inside it.
 
-    ``force``: internal force and residual; ``assemble``: K; ``factor``: PETSc's preconditioner; ``correct``: what makes
-    accelerations fit the points' force, its solve included; ``other``: the rest.
+    ``force``: internal force and residual; ``assemble``: K; ``factor``: PETSc's preconditioner;
+    ``correct``: what makes accelerations fit the points' force, its solve included; ``other``: the
+    rest.
     """
 
     def __init__(self, run):
@@ -84,7 +99,8 @@ def total(block: dict[str, float]) -> float:
 
 
 def resident() -> int:
-    """Memory of this process now (bytes), what was freed given back; the peak is counted from here."""
+    """Memory of this process now (bytes), what was freed given back; the peak is counted from
+    here."""
     gc.collect()
     ctypes.CDLL(None).malloc_trim(0)
     with open("/proc/self/clear_refs", "w") as file:

@@ -1,11 +1,13 @@
-"""What generalised α's dissipation does: the column's error and ringing, and disturbances that grow without it.
+"""What generalised α's dissipation does: the column's error and ringing, and disturbances that grow
+without it.
 
-- the paper's column (demos/column.py, fixed base) under its pulse, and under a small pressure that comes suddenly,
-  which no grid follows without ringing: L2 errors, and how much more the pressure at mid-height goes up and down than
-  the exact one (its total variation over the exact one's, less 1);
-- a bar under stress that crosses 0.3 cells a step at Courant 5, disturbed by 1 %, and a free block of 4 by 3 cells that
-  vibrates at Courant 0.5 (tests/validation/test_crossing.py, test_rigid.py), with DM-GC as the paper has it too: what
-  is left after 2,000 and 1,000 steps.
+- the paper's column (demos/column.py, fixed base) under its pulse, and under a small pressure that
+  comes suddenly, which no grid follows without ringing: L2 errors, and how much more the pressure
+  at mid-height goes up and down than the exact one (its total variation over the exact one's, less
+  1);
+- a bar under stress that crosses 0.3 cells a step at Courant 5, disturbed by 1 %, and a free block
+  of 4 by 3 cells that vibrates at Courant 0.5 (tests/validation/test_crossing.py, test_rigid.py),
+  with DM-GC as the paper has it too: what is left after 2,000 and 1,000 steps.
 
     python studies/dissipation.py            some minutes
 """
@@ -57,23 +59,33 @@ def sudden(t, load):
     return load * np.heaviside(t, 0.5)
 
 
-def measure_column(mapping, ρ: float, w: float, load: float, dt: float, pulse: Callable = column.pulse) -> dict:
+def measure_column(
+    mapping, ρ: float, w: float, load: float, dt: float, pulse: Callable = column.pulse
+) -> dict:
     """Errors and ringing on a fixed base; the curve of the sudden load."""
     grid = Grid.box((0, 0), (1, column.height + 1), (4, round(4 * (column.height + 1))))
     points = MaterialPoints.fill(grid, column.soil, 4, inside=lambda x: x[1] < column.height)
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y"),
-             Traction(points.surface("top"), lambda t: (0.0, -float(pulse(t, load))))]
+    terms = [
+        Fixed(grid.facets("left", "right"), "x"),
+        Fixed(grid.facets("bottom"), "y"),
+        Traction(points.surface("top"), lambda t: (0.0, -float(pulse(t, load)))),
+    ]
     run = Simulation(grid, points, GeneralizedAlpha(dt, ρ, w), terms, mapping)
-    middle, half = (run.record(Probe(field, (0.5, column.height / 2))) for field in ("stress", "displacement"))
+    middle, half = (
+        run.record(Probe(field, (0.5, column.height / 2))) for field in ("stress", "displacement")
+    )
     run.until(END)
     soil_ = column.soil
     known = Column(column.height, soil_.p_speed, soil_.density, lambda t: pulse(t, load), END)
     t = middle.times
     p, u = (known.pressure(column.height / 2, t), known.displacement(column.height / 2, t))
     found = -middle.values[:, 1]
-    row = {"error_pressure": waves.relative_error(found, p),
-           "error_displacement": waves.relative_error(-half.values[:, 1], u),
-           "ringing": np.abs(np.diff(found)).sum() / np.abs(np.diff(p)).sum() - 1, "largest": found.max() / p.max()}
+    row = {
+        "error_pressure": waves.relative_error(found, p),
+        "error_displacement": waves.relative_error(-half.values[:, 1], u),
+        "ringing": np.abs(np.diff(found)).sum() / np.abs(np.diff(p)).sum() - 1,
+        "largest": found.max() / p.max(),
+    }
     return row | ({"curve": (found[::2] / load).round(4).tolist()} if pulse is sudden else {})
 
 
@@ -86,7 +98,10 @@ def measure_crossing(mapping, ρ: float, steps: int = 2000) -> dict:
     wave = 0.01 * stress / (soil.density * soil.p_speed) * np.cos(3 * np.pi * body.x[:, 0] / length)
     body.velocity = np.stack((0.3 * h / dt + wave, 0.0 * wave), axis=1)
     terms = [Fixed(grid.facets("bottom", "top"), "y")]
-    terms += [Traction(body.surface(side), (push, 0.0)) for side, push in (("left", stress), ("right", -stress))]
+    terms += [
+        Traction(body.surface(side), (push, 0.0))
+        for side, push in (("left", stress), ("right", -stress))
+    ]
     run, error = Simulation(grid, body, GeneralizedAlpha(dt, ρ), terms, mapping), []
     try:
         for _ in range(steps):
@@ -98,17 +113,22 @@ def measure_crossing(mapping, ρ: float, steps: int = 2000) -> dict:
 
 
 def measure_block(mapping, ρ: float, steps: int = 1000) -> dict:
-    """Largest energy over that at the start, and that at the end, of a vibration along the longer side."""
-    run = block(mapping, GeneralizedAlpha(step_of(0.5).dt, ρ), **(UNCORRECTED if mapping is PAPERS else {}))
+    """Largest energy over that at the start, and that at the end, of a vibration along the longer
+    side."""
+    run = block(
+        mapping, GeneralizedAlpha(step_of(0.5).dt, ρ), **(UNCORRECTED if mapping is PAPERS else {})
+    )
     if mapping is PAPERS:
         across(run)
-    body, = run.bodies
+    (body,) = run.bodies
     body.velocity[:, 0] = 1e-5 * soil.p_speed * np.cos(np.pi * body.x[:, 0] / (4 * h))
     energy = run.record(Energy())
     for _ in range(steps):
         run.step()
-    return {"largest_energy": float(energy.left.max() / energy.left[0]),
-            "energy_left": float(energy.left[-1] / energy.left[0])}
+    return {
+        "largest_energy": float(energy.left.max() / energy.left[0]),
+        "energy_left": float(energy.left[-1] / energy.left[0]),
+    }
 
 
 def cases() -> Iterator[tuple[dict, Callable[[], dict]]]:
@@ -117,16 +137,28 @@ def cases() -> Iterator[tuple[dict, Callable[[], dict]]]:
         for ρ, w in (*((ρ, 0.0) for ρ in RADII), (1.0, 1.0), (0.8, 0.8)):
             labels = {"mapping": str(mapping), "radius": ρ, "start": w}
             for load in (column.peak, column.small):
-                yield {"case": f"pulse of {load / 1e3:g} kPa, Δt = 1 ms", **labels}, \
-                    lambda m=mapping, ρ=ρ, w=w, load=load: measure_column(m, ρ, w, load, column.dt)
+                yield (
+                    {"case": f"pulse of {load / 1e3:g} kPa, Δt = 1 ms", **labels},
+                    lambda m=mapping, ρ=ρ, w=w, load=load: measure_column(m, ρ, w, load, column.dt),
+                )
             for dt in (column.dt, 4 * column.dt):
-                yield {"case": f"sudden 0.3 kPa, Δt = {1e3 * dt:g} ms", **labels, "dt": dt}, \
-                    lambda m=mapping, ρ=ρ, w=w, dt=dt: measure_column(m, ρ, w, column.small, dt, sudden)
+                yield (
+                    {"case": f"sudden 0.3 kPa, Δt = {1e3 * dt:g} ms", **labels, "dt": dt},
+                    lambda m=mapping, ρ=ρ, w=w, dt=dt: measure_column(
+                        m, ρ, w, column.small, dt, sudden
+                    ),
+                )
     for ρ in RADII:
         for mapping in (GIMP, DM_G, DM_GC):
             labels = {"mapping": str(mapping), "radius": ρ, "start": 0.0}
-            yield {"case": "bar crossing cells, Courant 5", **labels}, lambda m=mapping, ρ=ρ: measure_crossing(m, ρ)
-            yield {"case": "free block, Courant 0.5", **labels}, lambda m=mapping, ρ=ρ: measure_block(m, ρ)
+            yield (
+                {"case": "bar crossing cells, Courant 5", **labels},
+                lambda m=mapping, ρ=ρ: measure_crossing(m, ρ),
+            )
+            yield (
+                {"case": "free block, Courant 0.5", **labels},
+                lambda m=mapping, ρ=ρ: measure_block(m, ρ),
+            )
         labels = {"mapping": "DM-GC, the paper's", "radius": ρ, "start": 0.0}
         yield {"case": "free block, Courant 0.5", **labels}, lambda ρ=ρ: measure_block(PAPERS, ρ)
 
@@ -137,17 +169,33 @@ def figure(rows: list[dict], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     colours = {1.0: "#000000", 0.9: "#56B4E9", 0.8: "#0072B2", 0.5: "#D55E00"}
-    fig, axes = plt.subplots(2, 2, figsize=(11, 6.5), sharex=True, sharey=True, layout="constrained")
-    for axis, (name, dt) in zip(axes.flat, [(n, k * column.dt) for n in ("MPM", "DM-GC") for k in (1, 4)], strict=True):
+    fig, axes = plt.subplots(
+        2, 2, figsize=(11, 6.5), sharex=True, sharey=True, layout="constrained"
+    )
+    for axis, (name, dt) in zip(
+        axes.flat, [(n, k * column.dt) for n in ("MPM", "DM-GC") for k in (1, 4)], strict=True
+    ):
         t = np.linspace(0.0, END, 4001)
-        known = Column(column.height, column.soil.p_speed, column.soil.density, lambda t: sudden(t, 1.0), END)
+        known = Column(
+            column.height, column.soil.p_speed, column.soil.density, lambda t: sudden(t, 1.0), END
+        )
         axis.plot(t, known.pressure(column.height / 2, t), color="0.75", lw=3.5, label="exact")
         for row in rows:
-            if (row["mapping"], row.get("dt"), row["start"]) == (name, dt, 0.0) and row["radius"] in (1.0, 0.8, 0.5):
+            if (row["mapping"], row.get("dt"), row["start"]) == (name, dt, 0.0) and row[
+                "radius"
+            ] in (1.0, 0.8, 0.5):
                 curve = row["curve"]
-                axis.plot(2 * dt * np.arange(len(curve)), curve, color=colours[row["radius"]], lw=0.9,
-                          label=f"ρ = {row['radius']:g}")
-        axis.set_title(f"{name}, Δt = {1e3 * dt:g} ms (Courant {column.soil.p_speed * dt / 0.25:.1f})", fontsize=10)
+                axis.plot(
+                    2 * dt * np.arange(len(curve)),
+                    curve,
+                    color=colours[row["radius"]],
+                    lw=0.9,
+                    label=f"ρ = {row['radius']:g}",
+                )
+        axis.set_title(
+            f"{name}, Δt = {1e3 * dt:g} ms (Courant {column.soil.p_speed * dt / 0.25:.1f})",
+            fontsize=10,
+        )
         axis.set(xlim=(0, END), ylim=(-0.6, 2.6))
         axis.grid(alpha=0.3)
     axes[0, 0].legend(fontsize=8, ncols=4, loc="upper center")
@@ -155,7 +203,10 @@ def figure(rows: list[dict], path: Path) -> None:
         axis.set_xlabel("time (s)")
     for axis in axes[:, 0]:
         axis.set_ylabel("pressure at mid-height / load (-)")
-    fig.suptitle("Column of 20 m on a fixed base, h = 0.25 m, under 0.3 kPa that comes at once: generalised α, w = 0")
+    fig.suptitle(
+        "Column of 20 m on a fixed base, h = 0.25 m, under 0.3 kPa that comes at once: "
+        "generalised α, w = 0"
+    )
     path.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(path, dpi=150)
     plt.close(fig)
@@ -164,10 +215,21 @@ def figure(rows: list[dict], path: Path) -> None:
 def table(rows: list[dict]) -> Table:
     """All figures but the curves."""
     found = Table("case", "mapping", "ρ", "w", "what was found")
-    for row in sorted(rows, key=lambda row: (row["case"], row["mapping"], row["start"], -row["radius"])):
-        rest = {k: v for k, v in row.items() if k not in ("case", "mapping", "radius", "start", "curve", "dt")}
-        found.add_row(row["case"], row["mapping"], f"{row['radius']:g}", f"{row['start']:g}",
-                      ", ".join(f"{k} {v:.4g}" for k, v in rest.items()))
+    for row in sorted(
+        rows, key=lambda row: (row["case"], row["mapping"], row["start"], -row["radius"])
+    ):
+        rest = {
+            k: v
+            for k, v in row.items()
+            if k not in ("case", "mapping", "radius", "start", "curve", "dt")
+        }
+        found.add_row(
+            row["case"],
+            row["mapping"],
+            f"{row['radius']:g}",
+            f"{row['start']:g}",
+            ", ".join(f"{k} {v:.4g}" for k, v in rest.items()),
+        )
     return found
 
 
@@ -180,8 +242,13 @@ def main(arguments=None) -> list[dict]:
     rows = []
     for labels, measure in track(list(cases()), "runs"):
         found = measure()
-        rows.append(labels | {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in found.items()})
-    written = [{k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in row.items()} for row in rows]
+        rows.append(
+            labels | {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in found.items()}
+        )
+    written = [
+        {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in row.items()}
+        for row in rows
+    ]
     (chosen.results / "dissipation.json").write_text(json.dumps(written, ensure_ascii=False) + "\n")
     figure(rows, chosen.results / "dissipation.png")
     Console(width=150).print(table(rows))

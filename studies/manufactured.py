@@ -1,12 +1,14 @@
-"""Bars whose motion is chosen and whose body force follows from it (``exact.Bar``), as runs of both kinds.
+"""Bars whose motion is chosen and whose body force follows from it (``exact.Bar``), as runs of both
+kinds.
 
     standing   ends held, tiny amplitude: points stay in their cells
-    moving     free ends, the same while the bar drifts over a fifth of its length, support domains of one size
+    moving     free ends, the same while the bar drifts over a fifth of its length, support domains
+               of one size
     random     the same with support domains of random sizes, which tile the bar
     large      ends held, A = 0.05 L in Hencky's finite strain: strains of 31 %, points cross cells
 
-A bar of 1 m × 0.1 m with rollers along it, ν = 0, over one period of the motion.  What is tiny strains by 6e-6, so that
-the linear answer is exact to that share.  Units: m, s, kg, Pa.
+A bar of 1 m × 0.1 m with rollers along it, ν = 0, over one period of the motion.  What is tiny
+strains by 6e-6, so that the linear answer is exact to that share.  Units: m, s, kg, Pa.
 """
 
 from __future__ import annotations
@@ -15,21 +17,39 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpm_fenicsx import FiniteElements, Fixed, Gravity, Grid, Hencky, LinearElastic, MaterialPoints, Newmark, Simulation
+from mpm_fenicsx import (
+    FiniteElements,
+    Fixed,
+    Gravity,
+    Grid,
+    Hencky,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    Simulation,
+)
 from mpm_fenicsx.analytical.bar import Bar
 from mpm_fenicsx.mapping.shape_functions import Stencil
 
 length, height = 1.0, 0.1
 young, density = 1e6, 1000.0
-tiny, jitter = 1e-6, 0.3  # amplitude over length; how far the edges of random domains lie from even ones, in domains
+tiny, jitter = (
+    1e-6,
+    0.3,
+)  # amplitude over length; how far the edges of random domains lie from even ones, in domains
 standing = Bar(length, young, density, tiny * length)
 moving = replace(standing, free=True, drift=0.2 * length / standing.period)
-BARS = {"standing": standing, "moving": moving, "random": moving,
-        "large": replace(standing, amplitude=0.05 * length, hencky=True)}
+BARS = {
+    "standing": standing,
+    "moving": moving,
+    "random": moving,
+    "large": replace(standing, amplitude=0.05 * length, hencky=True),
+}
 
 
 def terms(bar: Bar, grid: Grid, dt: float, where) -> list:
     """The scene; ``where`` (x, t) says which X is at x."""
+
     def force(t, x):
         return np.column_stack((bar.body_force(where(x[:, 0], t - dt), t), np.zeros(len(x))))
 
@@ -46,17 +66,35 @@ def elements(bar: Bar, cell: float, dt: float, **options) -> FiniteElements:
     """The twin, on the bar at rest, where no drift is seen."""
     bar = replace(bar, drift=0.0)
     grid = Grid.box((0, 0), (length, height), (round(length / cell), round(height / cell)))
-    run = FiniteElements(grid, material(bar), Newmark(dt), terms(bar, grid, dt, lambda x, t: x), **options)
-    run.motion.nodal(run.motion.v)[:, 0] = bar.velocity(grid.space.tabulate_dof_coordinates()[:, 0], 0.0)
+    run = FiniteElements(
+        grid, material(bar), Newmark(dt), terms(bar, grid, dt, lambda x, t: x), **options
+    )
+    run.motion.nodal(run.motion.v)[:, 0] = bar.velocity(
+        grid.space.tabulate_dof_coordinates()[:, 0], 0.0
+    )
     return run
 
 
-def points(bar: Bar, mapping, cell: float, dt: float, per_cell: int, random: bool = False, kind: type = Simulation,
-           **options) -> Simulation:
+def points(
+    bar: Bar,
+    mapping,
+    cell: float,
+    dt: float,
+    per_cell: int,
+    random: bool = False,
+    kind: type = Simulation,
+    **options,
+) -> Simulation:
     """Material points, with room for the drift and two cells more where the ends are free."""
     room = 2 * bar.free
-    grid = Grid.box((-room * cell, 0), (length + (room + np.ceil(bar.drift * bar.period / cell)) * cell, height),
-                    (round(length / cell + 2 * room + np.ceil(bar.drift * bar.period / cell)), round(height / cell)))
+    grid = Grid.box(
+        (-room * cell, 0),
+        (length + (room + np.ceil(bar.drift * bar.period / cell)) * cell, height),
+        (
+            round(length / cell + 2 * room + np.ceil(bar.drift * bar.period / cell)),
+            round(height / cell),
+        ),
+    )
     body = tiles(material(bar), cell / round(per_cell**0.5), jitter * random)
     body.velocity = np.zeros_like(body.x)
     body.velocity[:, 0] = bar.drift + bar.velocity(body.x[:, 0], 0.0)
@@ -70,16 +108,20 @@ def tiles(soil, size: float, jitter: float) -> MaterialPoints:
         edges = np.linspace(0.0, extent, round(extent / size) + 1)
         edges[1:-1] += rng.uniform(-jitter, jitter, len(edges) - 2) * size
         lines.append(edges)
-    x, half = (np.stack(np.meshgrid(*parts), -1).reshape(-1, 2) for parts in (
-        [(a[1:] + a[:-1]) / 2 for a in lines], [np.diff(a) / 2 for a in lines]))
+    x, half = (
+        np.stack(np.meshgrid(*parts), -1).reshape(-1, 2)
+        for parts in ([(a[1:] + a[:-1]) / 2 for a in lines], [np.diff(a) / 2 for a in lines])
+    )
     return MaterialPoints(soil, x, half, (2 * half).prod(axis=1))
 
 
 class Watch:
-    """Errors of a run against the bar: relative L2 over time and place of displacement, velocity and stress.
+    """Errors of a run against the bar: relative L2 over time and place of displacement, velocity
+    and stress.
 
-    Material points are asked where they are.  Elements are asked for displacement and velocity at the same places (four
-    a cell), and for stress at the centres of cells, where theirs is most accurate.
+    Material points are asked where they are.  Elements are asked for displacement and velocity at
+    the same places (four a cell), and for stress at the centres of cells, where theirs is most
+    accurate.
     """
 
     NAMES = ("displacement", "velocity", "stress")
@@ -107,16 +149,26 @@ class Watch:
             u, v = body.x[:, 0] - self.X - self.bar.drift * t, body.velocity[:, 0] - self.bar.drift
             stress, weights = body.stress[:, 0], self.weight
         else:
-            u, v = (self.stencil.at_points(run.motion.nodal(f))[:, 0] for f in (run.displacement, run.motion.v))
+            u, v = (
+                self.stencil.at_points(run.motion.nodal(f))[:, 0]
+                for f in (run.displacement, run.motion.v)
+            )
             stress, weights = run.stress(np.arange(len(self.at)))[:, 0], np.ones(len(self.at))
-        exact = self.bar.displacement(self.X, t), self.bar.velocity(self.X, t), self.bar.stress(self.at, t)
-        for k, (found, known, w) in enumerate(zip((u, v, stress), exact, (self.weight, self.weight, weights),
-                                                  strict=True)):
+        exact = (
+            self.bar.displacement(self.X, t),
+            self.bar.velocity(self.X, t),
+            self.bar.stress(self.at, t),
+        )
+        for k, (found, known, w) in enumerate(
+            zip((u, v, stress), exact, (self.weight, self.weight, weights), strict=True)
+        ):
             self.wrong[k] += w @ (found - known) ** 2
             self.known[k] += w @ known**2
         return float(np.abs(stress).max() / self.largest)
 
     def errors(self) -> dict[str, float]:
         """What was found."""
-        return {f"error_{name}": float(e) for name, e in zip(self.NAMES, np.sqrt(self.wrong / self.known),
-                                                             strict=True)}
+        return {
+            f"error_{name}": float(e)
+            for name, e in zip(self.NAMES, np.sqrt(self.wrong / self.known), strict=True)
+        }

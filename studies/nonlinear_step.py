@@ -1,10 +1,13 @@
 """Four ways through a non-linear step, on speed against error.
 
-The strip foundation (h = 0.125 m, fixed sides and base) under one half-sine of 40 kPa, which yields and softens.
+The strip foundation (h = 0.125 m, fixed sides and base) under one half-sine of 40 kPa, which yields
+and softens.
 
-    mapped response   equilibrium at the Gauss points, the points' law double-mapped: Newton to 1e-6 (the default)
+    mapped response   equilibrium at the Gauss points, the points' law double-mapped: Newton to 1e-6
+                      (the default)
     one solve         the same, one linear solve a step
-    modified Newton   equilibrium summed at the points, tangent as for the mapped response's elastic part only
+    modified Newton   equilibrium summed at the points, tangent as for the mapped response's elastic
+                      part only
     point tangent     equilibrium and tangent at the points (GIMP and MPM)
 
 Each is compared at three time steps with the FE twin at the smallest and with itself there.  Writes
@@ -60,22 +63,33 @@ class ModifiedNewton(Simulation):
 
 def terms(surface, grid):
     """Fixed box, a strip of 1 m on top."""
+
     def pressure(t):
         return 0.0, -load * max(0.0, np.sin(np.pi * t / 0.2)) * (t < 0.2)
 
-    return [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom")), Traction(surface, pressure)]
+    return [
+        Fixed(grid.facets("left", "right"), "x"),
+        Fixed(grid.facets("bottom")),
+        Traction(surface, pressure),
+    ]
 
 
 def elements(dt, newton):
     """The FE twin."""
-    grid = Grid.box((0, 0), (width, height), (round(width / cell), round(height / cell)),
-                    facets={"strip": lambda x: (x[1] > height - 1e-9) & (abs(x[0] - width / 2) < 0.5 + 1e-9)})
+    grid = Grid.box(
+        (0, 0),
+        (width, height),
+        (round(width / cell), round(height / cell)),
+        facets={"strip": lambda x: (x[1] > height - 1e-9) & (abs(x[0] - width / 2) < 0.5 + 1e-9)},
+    )
     return FiniteElements(grid, soil, Newmark(dt), terms(grid.facets("strip"), grid), newton=newton)
 
 
 def points(dt, newton, mapping, kind=Simulation):
     """Material points, with room for heave."""
-    grid = Grid.box((0, 0), (width, height + 4 * cell), (round(width / cell), round(height / cell) + 4))
+    grid = Grid.box(
+        (0, 0), (width, height + 4 * cell), (round(width / cell), round(height / cell) + 4)
+    )
     body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] < height)
     strip = body.surface("top", where=lambda x: abs(x[0] - width / 2) < 0.5)
     return kind(grid, body, Newmark(dt), terms(strip, grid), mapping, newton=newton)
@@ -87,7 +101,9 @@ WAYS = {
     "DM-G, mapped response": lambda dt: points(dt, Newton(), DM_G),
     "DM-GC, mapped, 1e-3": lambda dt: points(dt, Newton(tolerance=1e-3), DM_GC),
     "DM-GC, one solve": lambda dt: points(dt, Newton(tolerance=None), DM_GC),
-    "DM-GC, modified Newton": lambda dt: points(dt, Newton(iterations=40, cuts=0), DM_GC, ModifiedNewton),
+    "DM-GC, modified Newton": lambda dt: points(
+        dt, Newton(iterations=40, cuts=0), DM_GC, ModifiedNewton
+    ),
     "GIMP, point tangent": lambda dt: points(dt, Newton(iterations=40), GIMP),
     "MPM, point tangent": lambda dt: points(dt, Newton(), MPM),
 }
@@ -103,8 +119,15 @@ def measure(name, dt):
     except RunError as error:
         reason = str(error)
     steps = max(run.steps, 1)
-    return {"way": name, "dt": dt, "steps": run.steps, "reason": reason, "solves": run.equilibrium.solves / steps,
-            "ms": 1e3 * (time.perf_counter() - began) / steps, "settlement": (-probe.values[:, 1]).tolist()}
+    return {
+        "way": name,
+        "dt": dt,
+        "steps": run.steps,
+        "reason": reason,
+        "solves": run.equilibrium.solves / steps,
+        "ms": 1e3 * (time.perf_counter() - began) / steps,
+        "settlement": (-probe.values[:, 1]).tolist(),
+    }
 
 
 def figure(rows, path):
@@ -113,12 +136,26 @@ def figure(rows, path):
     import matplotlib.pyplot as plt
 
     fig, axis = plt.subplots(figsize=(7, 4.6), layout="constrained")
-    colours = ["#000000", "#0072B2", "#56B4E9", "#009E73", "#E69F00", "#D55E00", "#CC79A7", "#999999"]
+    colours = [
+        "#000000",
+        "#0072B2",
+        "#56B4E9",
+        "#009E73",
+        "#E69F00",
+        "#D55E00",
+        "#CC79A7",
+        "#999999",
+    ]
     for (name, colour), marker in zip(zip(WAYS, colours, strict=True), "osD^v<>p", strict=True):
         mine = [row for row in rows if row["way"] == name and row["self"] and not row["reason"]]
         if mine:
-            axis.loglog([row["ms"] * row["steps"] / 1e3 for row in mine], [100 * row["self"] for row in mine],
-                        color=colour, marker=marker, label=name)
+            axis.loglog(
+                [row["ms"] * row["steps"] / 1e3 for row in mine],
+                [100 * row["self"] for row in mine],
+                color=colour,
+                marker=marker,
+                label=name,
+            )
     axis.set_xlabel("time of the run (s)")
     axis.set_ylabel("difference from itself at the smallest step (%)")
     axis.grid(alpha=0.3, which="both")
@@ -142,11 +179,20 @@ def main(arguments=None) -> list[dict]:
         every = round(row["dt"] / steps[-1])
         for key, way in (("self", row["way"]), ("fe", "FE")):
             if row["reason"] is None and way in finest and row is not finest[way]:
-                known, mine = np.array(finest[way]["settlement"])[::every], np.array(row["settlement"])
+                known, mine = (
+                    np.array(finest[way]["settlement"])[::every],
+                    np.array(row["settlement"]),
+                )
                 row[key] = float(np.linalg.norm(mine - known) / np.linalg.norm(known))
-        shown = [f"{100 * row[key]:6.2f} %" if row[key] is not None else "       -" for key in ("self", "fe")]
-        print(f"{row['way']:24} dt {1e3 * row['dt']:5.2f} ms  solves {row['solves']:5.2f}  {row['ms']:6.1f} ms a step  "
-              f"from itself {shown[0]}  from FE {shown[1]}  {row['reason'] or ''}")
+        shown = [
+            f"{100 * row[key]:6.2f} %" if row[key] is not None else "       -"
+            for key in ("self", "fe")
+        ]
+        print(
+            f"{row['way']:24} dt {1e3 * row['dt']:5.2f} ms  solves {row['solves']:5.2f}  "
+            f"{row['ms']:6.1f} ms a step  "
+            f"from itself {shown[0]}  from FE {shown[1]}  {row['reason'] or ''}"
+        )
     for row in rows:
         row["settlement"] = row["settlement"][-1]
     (chosen.results / "nonlinear_step.json").write_text(json.dumps(rows, indent=1) + "\n")

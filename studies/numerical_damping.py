@@ -1,22 +1,27 @@
-"""What a wave loses that nothing damps, what grows that should not, and what a step costs: variants of the step.
+"""What a wave loses that nothing damps, what grows that should not, and what a step costs: variants
+of the step.
 
-A standing wave in an undamped elastic body keeps its energy, and the trapezoidal rule takes nothing off a linear system
-whatever its step: finite elements show it.  Material points lose in every step what the deposit of velocities smooths,
-and what their own force and that of the step's matrix, eq. (7), differ by.  Measured, for each of ``VARIANTS``:
+A standing wave in an undamped elastic body keeps its energy, and the trapezoidal rule takes nothing
+off a linear system whatever its step: finite elements show it.  Material points lose in every step
+what the deposit of velocities smooths, and what their own force and that of the step's matrix, eq.
+(7), differ by.  Measured, for each of ``VARIANTS``:
 
-    damping   equivalent damping ratio ζ = -(d ln E/dt) T/4π (%) of P and S waves along an axis and on the diagonal
-              (``Wave``; fit in ``damping_ratio``), over Poisson's ratio, cells a wavelength and Courant number
+    damping   equivalent damping ratio ζ = -(d ln E/dt) T/4π (%) of P and S waves along an axis and
+              on the diagonal (``Wave``; fit in ``damping_ratio``), over Poisson's ratio, cells a
+              wavelength and Courant number
     far       the same far from walls, whose share falls with the length of the body
-    at rest   largest |λ| - 1 a step, free bars and blocks on grid lines and off them (``amplification_map.py``)
+    at rest   largest |λ| - 1 a step, free bars and blocks on grid lines and off them
+              (``amplification_map.py``)
     crossing  the same while points cross 0.3 cells a step
     cost      a step over that of the default, in turns, on 96 × 64 cells with 24,576 points
 
-Writes results/numerical_damping.json now and then, and .png; what is in the file for this DOLFINx is not measured
-again, but for the cost.  To try another step, add a line to ``VARIANTS``.
+Writes results/numerical_damping.json now and then, and .png; what is in the file for this DOLFINx
+is not measured again, but for the cost.  To try another step, add a line to ``VARIANTS``.
 
-    OMP_NUM_THREADS=1 python studies/numerical_damping.py                       everything, 20 minutes
-    OMP_NUM_THREADS=1 python studies/numerical_damping.py --again "DM-GC, b_bar"    that variant anew
-    OMP_NUM_THREADS=1 python studies/numerical_damping.py --quick               four variants, a minute
+    export OMP_NUM_THREADS=1
+    python studies/numerical_damping.py  # everything, 20 minutes
+    python studies/numerical_damping.py --again "DM-GC, b_bar"  # that variant anew
+    python studies/numerical_damping.py --quick  # four variants, a minute
 """
 
 from __future__ import annotations
@@ -30,11 +35,31 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 from amplification import across
-from numerical_damping_cases import Wave, as_it_is, cost, damping, damping_far, growth_at_rest, growth_crossing
+from numerical_damping_cases import (
+    Wave,
+    as_it_is,
+    cost,
+    damping,
+    damping_far,
+    growth_at_rest,
+    growth_crossing,
+)
 from rich.console import Console
 from rich.progress import track
 
-from mpm_fenicsx import CMPM, DM, DM_C, DM_G, DM_GC, DM_GCL, GIMP, MPM, PAPER, AccelerationCorrection, RunError
+from mpm_fenicsx import (
+    CMPM,
+    DM,
+    DM_C,
+    DM_G,
+    DM_GC,
+    DM_GCL,
+    GIMP,
+    MPM,
+    PAPER,
+    AccelerationCorrection,
+    RunError,
+)
 from mpm_fenicsx.grid import dolfinx_versions
 
 RESULTS = Path(__file__).parents[1] / "results"
@@ -42,52 +67,102 @@ OFF, LUMPED = AccelerationCorrection.OFF, AccelerationCorrection.LUMPED
 EXACT, DEFAULT = "finite elements", "DM-GC"
 VARIANTS: dict[str, dict | None] = {  # keyword arguments of Simulation
     EXACT: None,
-    "MPM": {"mapping": MPM}, "GIMP": {"mapping": GIMP}, "CMPM": {"mapping": CMPM}, "DM": {"mapping": DM},
-    "DM-G": {"mapping": DM_G}, "DM-C": {"mapping": DM_C}, DEFAULT: {"mapping": DM_GC}, "DM-GCL": {"mapping": DM_GCL},
-    "the paper's": dict(PAPER), "DM-GC, uncorrected": {"sweeps": 1, "correction": OFF},
-    "DM-GC, lumped": {"sweeps": 1, "correction": LUMPED}, "DM-GC, 1 sweep": {"sweeps": 1},
-    "DM-GC, 2 sweeps": {"sweeps": 2}, "DM-GC, 3 sweeps": {"sweeps": 3},
-    "DM-G, uncorrected": {"mapping": DM_G, "sweeps": 1, "correction": OFF}, "DM-GC, b_bar": {"b_bar": True},
+    "MPM": {"mapping": MPM},
+    "GIMP": {"mapping": GIMP},
+    "CMPM": {"mapping": CMPM},
+    "DM": {"mapping": DM},
+    "DM-G": {"mapping": DM_G},
+    "DM-C": {"mapping": DM_C},
+    DEFAULT: {"mapping": DM_GC},
+    "DM-GCL": {"mapping": DM_GCL},
+    "the paper's": dict(PAPER),
+    "DM-GC, uncorrected": {"sweeps": 1, "correction": OFF},
+    "DM-GC, lumped": {"sweeps": 1, "correction": LUMPED},
+    "DM-GC, 1 sweep": {"sweeps": 1},
+    "DM-GC, 2 sweeps": {"sweeps": 2},
+    "DM-GC, 3 sweeps": {"sweeps": 3},
+    "DM-G, uncorrected": {"mapping": DM_G, "sweeps": 1, "correction": OFF},
+    "DM-GC, b_bar": {"b_bar": True},
 }
-CHANGES = {"the paper's": across}  # what is done to a variant's runs once they are built: its polynomials
+CHANGES = {
+    "the paper's": across
+}  # what is done to a variant's runs once they are built: its polynomials
 QUICK = (EXACT, "DM-G", DEFAULT, "the paper's")
 POISSON, CELLS, COURANT = (0.25, 0.41, 0.48), (6, 10, 20, 40), (0.25, 0.5, 1.0, 2.0, 3.5, 5.0)
 USUAL = {"cells": 10, "courant": 0.5}
 OFFSETS, GROWING, CROSSING = (0.0, 0.15, 0.3), (0.5, 1.0, 2.0, 3.5, 5.0, 10.0), (0.5, 1.0, 2.0, 5.0)
-NUMBERS = ("damping", "growth", "ratio", "seconds", "iterations", "cells_exact", "failed", "commit", "dolfinx")
+NUMBERS = (
+    "damping",
+    "growth",
+    "ratio",
+    "seconds",
+    "iterations",
+    "cells_exact",
+    "failed",
+    "commit",
+    "dolfinx",
+)
 
 
-# -- what is measured ---------------------------------------------------------------------------------------------
+# -- what is measured ------------------------------------------------------------------------------
 
 
 def cases(name: str, quick: bool) -> Iterator[tuple[dict, object]]:
     """Labels of a variant's rows, but those of cost, and how to get the rest of them."""
     options, change = VARIANTS[name], CHANGES.get(name, as_it_is)
     ratios = POISSON[:2] if quick else POISSON
-    at = [(n, USUAL["courant"]) for n in CELLS] + [(USUAL["cells"], C) for C in COURANT if C != USUAL["courant"]]
+    at = [(n, USUAL["courant"]) for n in CELLS] + [
+        (USUAL["cells"], C) for C in COURANT if C != USUAL["courant"]
+    ]
     for kind in "PS":
         for direction in ("axis", "diagonal"):
             for poisson in ratios:
                 for cells, courant in [tuple(USUAL.values())] if quick else at:
                     wave = Wave(kind, direction, poisson, cells, courant)
-                    labels = {"variant": name, "kind": kind, "direction": direction, "poisson": poisson,
-                              "cells": cells, "courant": courant}
-                    yield {"measure": "damping", **labels}, lambda w=wave: damping(w, options, change)
+                    labels = {
+                        "variant": name,
+                        "kind": kind,
+                        "direction": direction,
+                        "poisson": poisson,
+                        "cells": cells,
+                        "courant": courant,
+                    }
+                    yield (
+                        {"measure": "damping", **labels},
+                        lambda w=wave: damping(w, options, change),
+                    )
                     if cells == USUAL["cells"] and courant in (0.5, 1.0) and not quick:
-                        yield {"measure": "far", **labels}, lambda w=wave: damping_far(w, options, change)
+                        yield (
+                            {"measure": "far", **labels},
+                            lambda w=wave: damping_far(w, options, change),
+                        )
     if options is None:
         return
     for poisson in ratios[:1] if quick else ratios:
         for courant in CROSSING[2:3] if quick else CROSSING:
-            yield {"measure": "crossing", "variant": name, "poisson": poisson, "courant": courant}, \
-                lambda ν=poisson, C=courant: growth_crossing(ν, C, options, change, cells=4 if quick else 8)
+            yield (
+                {"measure": "crossing", "variant": name, "poisson": poisson, "courant": courant},
+                lambda ν=poisson, C=courant: growth_crossing(
+                    ν, C, options, change, cells=4 if quick else 8
+                ),
+            )
         for courant in GROWING[1:2] if quick else GROWING:
             for offset in OFFSETS[:1] if quick else OFFSETS:
                 for scene in ("bar", "block"):
-                    labels = {"measure": "at rest", "variant": name, "scene": scene, "offset": offset,
-                              "poisson": poisson, "courant": courant}
-                    yield labels, lambda s=scene, ν=poisson, C=courant, o=offset: growth_at_rest(
-                        s, ν, C, o, options, change)
+                    labels = {
+                        "measure": "at rest",
+                        "variant": name,
+                        "scene": scene,
+                        "offset": offset,
+                        "poisson": poisson,
+                        "courant": courant,
+                    }
+                    yield (
+                        labels,
+                        lambda s=scene, ν=poisson, C=courant, o=offset: growth_at_rest(
+                            s, ν, C, o, options, change
+                        ),
+                    )
 
 
 def labels_of(row: dict) -> tuple:
@@ -102,9 +177,18 @@ class Book:
         self.path = path
         known = json.loads(path.read_text())["rows"] if path.exists() else []
         self.others = [row for row in known if row["dolfinx"] != dolfinx_versions.version]
-        self.rows = {labels_of(row): row for row in known if row not in self.others and row["variant"] not in again}
-        self.commit = subprocess.run(["git", "describe", "--always", "--dirty"], cwd=Path(__file__).parent,
-                                     capture_output=True, text=True, check=False).stdout.strip()
+        self.rows = {
+            labels_of(row): row
+            for row in known
+            if row not in self.others and row["variant"] not in again
+        }
+        self.commit = subprocess.run(
+            ["git", "describe", "--always", "--dirty"],
+            cwd=Path(__file__).parent,
+            capture_output=True,
+            text=True,
+            check=False,
+        ).stdout.strip()
 
     def measure(self, labels: dict, how) -> None:
         """Write down a row, with what went wrong if it did."""
@@ -116,14 +200,23 @@ class Book:
 
     def add(self, labels: dict, found: dict) -> None:
         """Write down what was found, to four digits."""
-        row = {**labels, **rounded(found), "dolfinx": dolfinx_versions.version, "commit": self.commit}
+        row = {
+            **labels,
+            **rounded(found),
+            "dolfinx": dolfinx_versions.version,
+            "commit": self.commit,
+        }
         self.rows[labels_of(row)] = row
 
     def write(self) -> None:
         """Write the file anew, or leave it as it was."""
-        rows = ",\n".join(json.dumps(row, ensure_ascii=False) for row in [*self.rows.values(), *self.others])
+        rows = ",\n".join(
+            json.dumps(row, ensure_ascii=False) for row in [*self.rows.values(), *self.others]
+        )
         part = self.path.with_suffix(".part")
-        part.write_text('{"damping": "%", "growth": "largest |λ| - 1 a step", "rows": [\n' + rows + "\n]}\n")
+        part.write_text(
+            '{"damping": "%", "growth": "largest |λ| - 1 a step", "rows": [\n' + rows + "\n]}\n"
+        )
         part.replace(self.path)
 
 
@@ -133,10 +226,14 @@ def rounded(value):
         return {key: rounded(item) for key, item in value.items()}
     if isinstance(value, list):
         return [rounded(item) for item in value]
-    return (float(f"{value:.4g}") if np.isfinite(value) else None) if isinstance(value, float) else value
+    return (
+        (float(f"{value:.4g}") if np.isfinite(value) else None)
+        if isinstance(value, float)
+        else value
+    )
 
 
-# -- what is shown ------------------------------------------------------------------------------------------------
+# -- what is shown ---------------------------------------------------------------------------------
 
 
 def values(rows: list[dict], number: str, **wanted) -> list[float]:
@@ -175,30 +272,76 @@ def tables(rows: list[dict]) -> list[str]:
     names = [name for name in VARIANTS if any(row["variant"] == name for row in rows)]
     ratios = [ν for ν in POISSON if values(rows, "damping", poisson=ν)]
     columns = [(kind, direction) for kind in "SP" for direction in ("axis", "diagonal")]
-    lines = [[name, *(" / ".join(text(worst(rows, "damping", measure="damping", variant=name, kind=kind,
-                                            direction=direction, poisson=ν, **USUAL)) for ν in ratios)
-                      for kind, direction in columns)] for name in names]
-    heads = [f"{kind}, {'along an axis' if direction == 'axis' else 'diagonal'}" for kind, direction in columns]
+    lines = [
+        [
+            name,
+            *(
+                " / ".join(
+                    text(
+                        worst(
+                            rows,
+                            "damping",
+                            measure="damping",
+                            variant=name,
+                            kind=kind,
+                            direction=direction,
+                            poisson=ν,
+                            **USUAL,
+                        )
+                    )
+                    for ν in ratios
+                )
+                for kind, direction in columns
+            ),
+        ]
+        for name in names
+    ]
+    heads = [
+        f"{kind}, {'along an axis' if direction == 'axis' else 'diagonal'}"
+        for kind, direction in columns
+    ]
     first = markdown(["", *heads], lines)
     lines = []
     for name in names:
         mine = [row for row in rows if row["variant"] == name]
         line = [name]
         for measure in ("damping", "far"):
-            line += [text(worst(mine, "damping", measure=measure, cells=USUAL["cells"], courant=C)) for C in (0.5, 1.0)]
+            line += [
+                text(worst(mine, "damping", measure=measure, cells=USUAL["cells"], courant=C))
+                for C in (0.5, 1.0)
+            ]
         far = values(mine, "damping", measure="far")
         line += [text(min(far)) if far and min(far) < -1e-9 else "–" if not far else "0"]
-        line += [text(largest(mine, measure="at rest", scene=scene), ".1e") for scene in ("bar", "block")]
+        line += [
+            text(largest(mine, measure="at rest", scene=scene), ".1e") for scene in ("bar", "block")
+        ]
         line += [text(largest(mine, measure="crossing", courant=C), ".1e") for C in (1.0, 2.0)]
         ratio = next((row["ratio"] for row in mine if row["measure"] == "cost"), None)
         line += ["–" if ratio is None else "{:.2f} ({:.2f}-{:.2f})".format(*ratio)]
         lines.append(line)
-    heads = ["", "worst ζ, %, Courant 0.5", "1", "far from walls, 0.5", "1", "least far", "growth at rest, bar",
-             "block", "crossing cells, Courant 1", "2", "step (quartiles)"]
+    heads = [
+        "",
+        "worst ζ, %, Courant 0.5",
+        "1",
+        "far from walls, 0.5",
+        "1",
+        "least far",
+        "growth at rest, bar",
+        "block",
+        "crossing cells, Courant 1",
+        "2",
+        "step (quartiles)",
+    ]
     ratios = " / ".join(f"{ν:g}" for ν in ratios)
-    return [f"Damping ratio ζ (%), {USUAL['cells']} cells a wavelength, Courant {USUAL['courant']:g}; ν = {ratios}",
-            first, "Worst of P and S, axis and diagonal, all ν, 10 cells a wavelength; growth a step, largest over ν, "
-            "Courant numbers and offsets; step over that of the default", markdown(heads, lines)]
+    return [
+        f"Damping ratio ζ (%), {USUAL['cells']} cells a wavelength, Courant "
+        f"{USUAL['courant']:g}; ν = {ratios}",
+        first,
+        "Worst of P and S, axis and diagonal, all ν, 10 cells a wavelength; growth a step, "
+        "largest over ν, "
+        "Courant numbers and offsets; step over that of the default",
+        markdown(heads, lines),
+    ]
 
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8B5A2B", "#7F7F7F")
@@ -206,27 +349,46 @@ MARKS = "sD^vP*X<>"  # as many as are coprime to the colours
 
 
 def figure(rows: list[dict], path: Path) -> None:
-    """Worst damping over cells a wavelength (mappings, variants) and Courant number, and against growth."""
+    """Worst damping over cells a wavelength (mappings, variants) and Courant number, and against
+    growth."""
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    names = [name for name in VARIANTS if name != EXACT and any(row["variant"] == name for row in rows)]
+    names = [
+        name for name in VARIANTS if name != EXACT and any(row["variant"] == name for row in rows)
+    ]
     plain = [name for name in names if set(VARIANTS[name]) == {"mapping"} and name not in CHANGES]
     others = [name for name in names if name not in plain]
     changed = [DEFAULT, *others]
-    style = {name: dict(color=COLOURS[n % 8], marker=MARKS[n % 9], ls="-") for n, name in enumerate(plain)}
-    style |= {name: dict(color=COLOURS[n % 8], marker=MARKS[n % 9], ls="--", mfc="none")
-              for n, name in enumerate(others)}
+    style = {
+        name: dict(color=COLOURS[n % 8], marker=MARKS[n % 9], ls="-")
+        for n, name in enumerate(plain)
+    }
+    style |= {
+        name: dict(color=COLOURS[n % 8], marker=MARKS[n % 9], ls="--", mfc="none")
+        for n, name in enumerate(others)
+    }
     style[DEFAULT] = dict(color="#000000", marker="o", ls="-", lw=2.2)
     fig, axes = plt.subplots(2, 2, figsize=(13, 10), layout="constrained")
 
     def curves(axis, chosen, label, **usual):
         number = "courant" if "cells" in usual else "cells"
         for name in chosen:
-            at = sorted({row[number] for row in rows if row["measure"] == "damping" and
-                         all(row[key] == value for key, value in usual.items())})
-            ζ = [worst(rows, "damping", measure="damping", variant=name, **{number: x}, **usual) for x in at]
-            axis.plot(at, np.abs(np.array(ζ, float)), **{"lw": 1.3, "ms": 5, **style[name]}, label=name)
+            at = sorted(
+                {
+                    row[number]
+                    for row in rows
+                    if row["measure"] == "damping"
+                    and all(row[key] == value for key, value in usual.items())
+                }
+            )
+            ζ = [
+                worst(rows, "damping", measure="damping", variant=name, **{number: x}, **usual)
+                for x in at
+            ]
+            axis.plot(
+                at, np.abs(np.array(ζ, float)), **{"lw": 1.3, "ms": 5, **style[name]}, label=name
+            )
         axis.axhline(0.0, color="0.45", lw=3.0, zorder=0, label="exact, and finite elements: 0")
         axis.set(xscale="log", xlabel=label, ylabel="largest |ζ| over P, S, axis, diagonal, ν (%)")
         axis.set_yscale("symlog", linthresh=1e-3, linscale=0.4)
@@ -249,14 +411,25 @@ def figure(rows: list[dict], path: Path) -> None:
         grown = largest(rows, measure="crossing", variant=name)
         if ζ is not None and grown is not None and np.isfinite([ζ, grown]).all():
             axis.plot(abs(ζ), grown, **style[name] | {"ls": "", "ms": 9, "mew": 1.8})
-    axis.plot(0.0, 0.0, "x", color="0.45", ms=12, mew=3.0, label="exact: 0, 0", clip_on=False, zorder=5)
+    axis.plot(
+        0.0, 0.0, "x", color="0.45", ms=12, mew=3.0, label="exact: 0, 0", clip_on=False, zorder=5
+    )
     axis.set_xscale("symlog", linthresh=1e-2, linscale=0.4)
     axis.set_yscale("symlog", linthresh=1e-4, linscale=0.4)
-    axis.set(xlabel=f"largest |ζ|, {USUAL['cells']} cells a wavelength, Courant {USUAL['courant']:g} (%)",
-             ylabel="largest growth crossing cells, |λ| - 1 a step (-)", xlim=(0.0, None), ylim=(0.0, None))
+    axis.set(
+        xlabel=f"largest |ζ|, {USUAL['cells']} cells a wavelength, Courant {USUAL['courant']:g} "
+        "(%)",
+        ylabel="largest growth crossing cells, |λ| - 1 a step (-)",
+        xlim=(0.0, None),
+        ylim=(0.0, None),
+    )
     axis.set_title("damping against growth at 0.3 cells a step, Courant 0.5 to 5", fontsize=10)
-    axis.legend(fontsize=8, loc=(0.03, 0.3), title="filled: mappings; open: steps; marks as above",
-                title_fontsize=8)
+    axis.legend(
+        fontsize=8,
+        loc=(0.03, 0.3),
+        title="filled: mappings; open: steps; marks as above",
+        title_fontsize=8,
+    )
     axis.grid(alpha=0.3)
     fig.suptitle("Equivalent damping ratio ζ of standing waves that nothing damps: exact 0")
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -265,18 +438,30 @@ def figure(rows: list[dict], path: Path) -> None:
 
 
 def main(arguments=None) -> list[dict]:
-    """Measure what is not there yet, write results/numerical_damping.json and .png, print the tables."""
+    """Measure what is not there yet, write results/numerical_damping.json and .png, print the
+    tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--quick", action="store_true", help="four variants, few waves, a small grid for the cost")
-    parser.add_argument("--again", nargs="*", metavar="VARIANT", help="measure these anew; without a name all")
+    parser.add_argument(
+        "--quick", action="store_true", help="four variants, few waves, a small grid for the cost"
+    )
+    parser.add_argument(
+        "--again", nargs="*", metavar="VARIANT", help="measure these anew; without a name all"
+    )
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
     chosen = parser.parse_args(arguments)
     chosen.results.mkdir(parents=True, exist_ok=True)
     again = [] if chosen.again is None else chosen.again or list(VARIANTS)
     book = Book(chosen.results / "numerical_damping.json", again)
     names = [name for name in VARIANTS if name in QUICK or not chosen.quick]
-    todo = [case for name in names for case in cases(name, chosen.quick) if labels_of(case[0]) not in book.rows]
-    todo.sort(key=lambda case: (case[0]["measure"] == "far", case[0].get("cells", 0)))  # the long ones last
+    todo = [
+        case
+        for name in names
+        for case in cases(name, chosen.quick)
+        if labels_of(case[0]) not in book.rows
+    ]
+    todo.sort(
+        key=lambda case: (case[0]["measure"] == "far", case[0].get("cells", 0))
+    )  # the long ones last
     try:
         for number, (labels, how) in enumerate(track(todo, "waves and growth")):
             book.measure(labels, how)

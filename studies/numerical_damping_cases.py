@@ -1,7 +1,7 @@
 """What ``numerical_damping.py`` measures: what waves lose, what grows, what a step costs.
 
-A variant is the keyword arguments of ``Simulation`` that make it, or ``None`` for finite elements, and a change that is
-made to its runs once they are built, mostly none.
+A variant is the keyword arguments of ``Simulation`` that make it, or ``None`` for finite elements,
+and a change that is made to its runs once they are built, mostly none.
 """
 
 from __future__ import annotations
@@ -15,13 +15,25 @@ from amplification_map import StepMap, bar, block, crossing, growth, step_of
 from cost_of_a_step import spread, taking_turns
 from cost_pieces import Bill
 
-from mpm_fenicsx import DM_GC, Energy, FiniteElements, Fixed, Grid, LinearElastic, MaterialPoints, Newmark, Simulation
+from mpm_fenicsx import (
+    DM_GC,
+    Energy,
+    FiniteElements,
+    Fixed,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    Simulation,
+)
 
 YOUNG, DENSITY = 20e6, 1500.0  # Pa, kg/m³; only Poisson's ratio and the Courant number matter
 AMPLITUDE = 1e-6  # m/s, in cells of 1 m: points move by 1e-7 of a cell at most
 SETTLING = 0.5  # periods that are left out of the fit: points' accelerations find their size there
 LEAST = 40  # steps that are fitted at least
-ENOUGH = 0.05  # of the energy: what is left then, points keep for good, in velocities that no node sees
+ENOUGH = (
+    0.05  # of the energy: what is left then, points keep for good, in velocities that no node sees
+)
 
 Change = Callable[[Simulation], Simulation]
 
@@ -36,29 +48,32 @@ def soil(poisson: float) -> LinearElastic:
     return LinearElastic(YOUNG, poisson, DENSITY)
 
 
-# -- standing waves -----------------------------------------------------------------------------------------------
+# -- standing waves --------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Wave:
-    """A standing wave in a box of cells of 1 m between smooth walls, an exact mode of the elastic body.
+    """A standing wave in a box of cells of 1 m between smooth walls, an exact mode of the elastic
+    body.
 
     Along an axis, with k = 2π/λ and rollers where the motion is along the wall or none:
 
         P  v = (sin kx, 0)    u_x = 0 at x = 0, L;    u_y = 0 below and above
         S  v = (0, sin kx)    u_y = 0 at x = 0, L;    u_x = 0 below and above
 
-    On the diagonal, with rollers all round, the sum of two plane waves along (1, ±1) and so of K = k√2, λ = 2π/K:
+    On the diagonal, with rollers all round, the sum of two plane waves along (1, ±1) and so of K =
+    k√2, λ = 2π/K:
 
         P  v = (sin kx cos ky, cos kx sin ky)     curl v = 0
         S  v = (sin kx cos ky, -cos kx sin ky)    div v = 0
 
-    Each gives ρ ∂²v/∂t² = -ρ K²c² v with the P or S wave's speed c, no normal velocity and no shear at a roller, so
-    that T = 2π/(K c).  The rollers along an axis bear σ_xx or σ_yy = λ ∂u_x/∂x, and leave the rest free of stress.
+    Each gives ρ ∂²v/∂t² = -ρ K²c² v with the P or S wave's speed c, no normal velocity and no shear
+    at a roller, so that T = 2π/(K c).  The rollers along an axis bear σ_xx or σ_yy = λ ∂u_x/∂x, and
+    leave the rest free of stress.
 
-    ``kind``: "P" or "S"; ``direction``: "axis" or "diagonal"; ``poisson``; ``cells`` a wavelength, on the diagonal the
-    nearest that fits; ``courant`` number of the P wave; ``half_waves`` in the box, by default 4 along an axis, or 1
-    each way on the diagonal.
+    ``kind``: "P" or "S"; ``direction``: "axis" or "diagonal"; ``poisson``; ``cells`` a wavelength,
+    on the diagonal the nearest that fits; ``courant`` number of the P wave; ``half_waves`` in the
+    box, by default 4 along an axis, or 1 each way on the diagonal.
     """
 
     kind: str
@@ -95,7 +110,9 @@ class Wave:
     def period(self) -> float:
         """Exact period T (s)."""
         material = soil(self.poisson)
-        return 2 * np.pi / (self.number * (material.s_speed if self.kind == "S" else material.p_speed))
+        return (
+            2 * np.pi / (self.number * (material.s_speed if self.kind == "S" else material.p_speed))
+        )
 
     @property
     def dt(self) -> float:
@@ -121,7 +138,9 @@ class Wave:
         return grid, [Fixed(ends, "xy"[across]), Fixed(sides, "yx"[across])]
 
 
-def standing(wave: Wave, options: Mapping | None, change: Change = as_it_is) -> Simulation | FiniteElements:
+def standing(
+    wave: Wave, options: Mapping | None, change: Change = as_it_is
+) -> Simulation | FiniteElements:
     """A run that begins with the mode's velocity, without stress."""
     grid, walls = wave.grid_and_walls()
     if options is None:
@@ -134,8 +153,11 @@ def standing(wave: Wave, options: Mapping | None, change: Change = as_it_is) -> 
     return change(Simulation(grid, body, Newmark(wave.dt), walls, **options))
 
 
-def energies(run: Simulation | FiniteElements, periods: float, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """Times (s) and energies (J), kinetic and strain, of so many periods after the settling, or of ``LEAST`` steps."""
+def energies(
+    run: Simulation | FiniteElements, periods: float, period: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Times (s) and energies (J), kinetic and strain, of so many periods after the settling, or of
+    ``LEAST`` steps."""
     energy, dt = run.record(Energy()), run.stepping.dt
     steps = int(np.ceil(SETTLING * period / dt)) + max(int(np.ceil(periods * period / dt)), LEAST)
     for _ in range(steps):
@@ -146,13 +168,15 @@ def energies(run: Simulation | FiniteElements, periods: float, period: float) ->
 def damping_ratio(times: np.ndarray, energy: np.ndarray, period: float) -> float:
     """ζ = -(d ln E/dt) T/4π of a vibration's energy (n,) at equally spaced times (n,), s.
 
-    Points do not measure kinetic and strain energy alike, by up to 1 %, so that E swings as one becomes the other, by
-    more than a period takes of it.  So the line is fitted together with the swing and its second harmonic,
+    Points do not measure kinetic and strain energy alike, by up to 1 %, so that E swings as one
+    becomes the other, by more than a period takes of it.  So the line is fitted together with the
+    swing and its second harmonic,
 
         ln E = a - 4πζ t/T + Σ_j (b_j cos 2jωt + c_j sin 2jωt),  j = 1, 2
 
-    at the ω that fits best around that of the trapezoidal rule, tan(ωΔt/2) = πΔt/T, for space changes it as well; with
-    fewer than six steps a period the second harmonic is left out, which cannot be told from a constant near four.
+    at the ω that fits best around that of the trapezoidal rule, tan(ωΔt/2) = πΔt/T, for space
+    changes it as well; with fewer than six steps a period the second harmonic is left out, which
+    cannot be told from a constant near four.
     """
     dt = (times[1] - times[0]) / period
     gone = np.flatnonzero(energy < ENOUGH * energy[0])
@@ -177,51 +201,87 @@ def damping_ratio(times: np.ndarray, energy: np.ndarray, period: float) -> float
     return -fit(0.5 * (low + high))[1] / (4 * np.pi)
 
 
-def damping(wave: Wave, options: Mapping | None, change: Change = as_it_is, periods: float = 3.0) -> dict:
+def damping(
+    wave: Wave, options: Mapping | None, change: Change = as_it_is, periods: float = 3.0
+) -> dict:
     """Equivalent damping ratio (%) of a wave, and the cells a wavelength that it has."""
     times, energy = energies(standing(wave, options, change), periods, wave.period)
-    return {"damping": 100 * damping_ratio(times, energy, wave.period), "cells_exact": 2 * np.pi / wave.number}
+    return {
+        "damping": 100 * damping_ratio(times, energy, wave.period),
+        "cells_exact": 2 * np.pi / wave.number,
+    }
 
 
 def damping_far(wave: Wave, options: Mapping | None, change: Change = as_it_is) -> dict:
-    """The same (%) far from walls: what boxes of one and two lengths leave, ζ = ζ_far + ζ_walls / length."""
-    twice = Wave(wave.kind, wave.direction, wave.poisson, wave.cells, wave.courant, 2 * wave.half_waves)
+    """The same (%) far from walls: what boxes of one and two lengths leave, ζ = ζ_far + ζ_walls /
+    length."""
+    twice = Wave(
+        wave.kind, wave.direction, wave.poisson, wave.cells, wave.courant, 2 * wave.half_waves
+    )
     found, more = damping(wave, options, change), damping(twice, options, change)
     if abs(more["cells_exact"] / found["cells_exact"] - 1.0) > 1e-9:
         raise ValueError(f"the wavelength of {twice} is not that of {wave}")
     return {**found, "damping": 2 * more["damping"] - found["damping"]}
 
 
-# -- growth -------------------------------------------------------------------------------------------------------
+# -- growth ----------------------------------------------------------------------------------------
 
 
-def growth_at_rest(scene: str, poisson: float, courant: float, offset: float, options: Mapping,
-                   change: Change = as_it_is) -> dict:
-    """Largest |λ| - 1 a step of a free bar of 12 cells, or block of 4 by 3, ``offset`` cells off the grid lines."""
+def growth_at_rest(
+    scene: str,
+    poisson: float,
+    courant: float,
+    offset: float,
+    options: Mapping,
+    change: Change = as_it_is,
+) -> dict:
+    """Largest |λ| - 1 a step of a free bar of 12 cells, or block of 4 by 3, ``offset`` cells off
+    the grid lines."""
     build, options, material = {"bar": bar, "block": block}[scene], dict(options), soil(poisson)
     mapping = options.pop("mapping", DM_GC)
     run = build(mapping, step_of(courant, material), offset=offset, material=material, **options)
     return {"growth": growth(StepMap(change(run)).matrix, courant)["growth"]}
 
 
-def growth_crossing(poisson: float, courant: float, options: Mapping, change: Change = as_it_is,
-                    cells: int = 8) -> dict:
+def growth_crossing(
+    poisson: float, courant: float, options: Mapping, change: Change = as_it_is, cells: int = 8
+) -> dict:
     """The same a step, of a free bar that moves 0.3 cells in each: the product of ten."""
     options, material = dict(options), soil(poisson)
     mapping = options.pop("mapping", DM_GC)
-    T = crossing(mapping, step_of(courant, material), cells=cells, material=material, change=change, **options)
+    T = crossing(
+        mapping,
+        step_of(courant, material),
+        cells=cells,
+        material=material,
+        change=change,
+        **options,
+    )
     return {"growth": growth(T, courant, 10)["growth"]}
 
 
-# -- cost ---------------------------------------------------------------------------------------------------------
+# -- cost ------------------------------------------------------------------------------------------
 
 
-def cost(variants: Mapping[str, Mapping], changes: Mapping[str, Change], reference: str, cell: float,
-         rounds: int) -> dict[str, dict]:
-    """Seconds a step of each variant over those of one of them, taking turns on the strip of ``cost_scenes``: median,
-    and quartiles."""
-    bills = {name: Bill(changes.get(name, as_it_is)(cost_scenes.scene("DM-GC", 2, cell, **options)))
-             for name, options in variants.items()}
+def cost(
+    variants: Mapping[str, Mapping],
+    changes: Mapping[str, Change],
+    reference: str,
+    cell: float,
+    rounds: int,
+) -> dict[str, dict]:
+    """Seconds a step of each variant over those of one of them, taking turns on the strip of
+    ``cost_scenes``: median, and quartiles."""
+    bills = {
+        name: Bill(changes.get(name, as_it_is)(cost_scenes.scene("DM-GC", 2, cell, **options)))
+        for name, options in variants.items()
+    }
     seconds = taking_turns(bills, rounds)
-    return {name: {"ratio": spread(own / seconds[reference]), "seconds": float(np.median(own)),
-                   "iterations": bills[name].run.equilibrium.iterations} for name, own in seconds.items()}
+    return {
+        name: {
+            "ratio": spread(own / seconds[reference]),
+            "seconds": float(np.median(own)),
+            "iterations": bills[name].run.equilibrium.iterations,
+        }
+        for name, own in seconds.items()
+    }

@@ -1,9 +1,11 @@
-"""Our step beside that of a peer: Kratos' implicit material point method, on the same grid, points and steps.
+"""Our step beside that of a peer: Kratos' implicit material point method, on the same grid, points
+and steps.
 
-    column   20 m × 1 m, h = 0.25 m, 4 points a cell, fixed base, a triangle of 300 kPa (and of 0.3 kPa), Δt = 2.5 ms;
-             error of the pressure at mid-height against the exact column
-    block    6 m × 4 m, 96 × 64 cells, 24,576 points, a pulse on a strip, Δt = 5 ms; no exact answer, so the vertical
-             stress 1 m below the strip is compared with the finite element twin's
+    column   20 m × 1 m, h = 0.25 m, 4 points a cell, fixed base, a triangle of 300 kPa (and of 0.3
+             kPa), Δt = 2.5 ms; error of the pressure at mid-height against the exact column
+    block    6 m × 4 m, 96 × 64 cells, 24,576 points, a pulse on a strip, Δt = 5 ms; no exact
+             answer, so the vertical stress 1 m below the strip is compared with the finite element
+             twin's
 
 All take turns, a few steps at a time, one thread each.  Kratos lives in a Python of its own:
 
@@ -42,15 +44,27 @@ import cost_scenes  # noqa: E402
 
 SCRIPT = Path(__file__).with_name("peers_kratos.py")
 INSTALL = "pip install KratosMultiphysics KratosMPMApplication"
-LAW = "HyperElasticNeoHookeanPlaneStrain2DLaw"  # of Kratos' laws the one with fewest iterations and least error here
-AMGCL = {"solver_type": "amgcl", "smoother_type": "ilu0", "krylov_type": "cg", "coarsening_type": "aggregation",
-         "max_iteration": 200, "tolerance": 1e-7, "verbosity": 0, "scaling": False}
+# of Kratos' laws the one with fewest iterations and least error here
+LAW = "HyperElasticNeoHookeanPlaneStrain2DLaw"
+AMGCL = {
+    "solver_type": "amgcl",
+    "smoother_type": "ilu0",
+    "krylov_type": "cg",
+    "coarsening_type": "aggregation",
+    "max_iteration": 200,
+    "tolerance": 1e-7,
+    "verbosity": 0,
+    "scaling": False,
+}
 PEERS = {"Kratos, Newton": True, "Kratos, one solve": False}
 
 
 def alone() -> dict[str, str]:
     """The environment of a process with one thread and its own Python packages."""
-    return {**{key: value for key, value in os.environ.items() if key != "PYTHONPATH"}, "OMP_NUM_THREADS": "1"}
+    return {
+        **{key: value for key, value in os.environ.items() if key != "PYTHONPATH"},
+        "OMP_NUM_THREADS": "1",
+    }
 
 
 @dataclass
@@ -87,8 +101,14 @@ class Peer:
         reading, writing = os.pipe()
         self._answers, self._words = os.fdopen(reading), tempfile.TemporaryFile("w+")
         self.process = subprocess.Popen(
-            [self.python, str(SCRIPT), str(writing)], stdin=subprocess.PIPE, stdout=self._words,
-            stderr=subprocess.STDOUT, text=True, pass_fds=[writing], env=alone())
+            [self.python, str(SCRIPT), str(writing)],
+            stdin=subprocess.PIPE,
+            stdout=self._words,
+            stderr=subprocess.STDOUT,
+            text=True,
+            pass_fds=[writing],
+            env=alone(),
+        )
         os.close(writing)
         self.version = self._ask(json.dumps(self.scene))["version"]
 
@@ -122,16 +142,29 @@ class Peer:
         self._words.close()
 
 
-def told(run: Simulation, fixed: dict, side: np.ndarray, probe: Probe, pressure: np.ndarray) -> tuple[dict, np.ndarray]:
+def told(
+    run: Simulation, fixed: dict, side: np.ndarray, probe: Probe, pressure: np.ndarray
+) -> tuple[dict, np.ndarray]:
     """The scene of a run in numbers, and the weights of the points that the probe reads."""
     lattice, body, soil = run.grid.lattice, run.bodies[0], run.bodies[0].material
     lines = [np.union1d(lattice.lower[:, d], lattice.upper[:, d]).tolist() for d in range(2)]
     order = np.argsort(probe._rows)
-    return {"lines": lines, "x": body.x.tolist(), "half": body.half.tolist(), "young": soil.young,
-            "poisson": soil.poisson, "density": soil.density, "law": LAW,
-            "fixed": fixed, "load_at": side.x.tolist(), "load_area": side.area.tolist(), "pressure": pressure.tolist(),
-            "dt": run.stepping.dt, "rows": probe._rows[order].tolist(),
-            "linear_solver": AMGCL}, probe._weights[order]
+    return {
+        "lines": lines,
+        "x": body.x.tolist(),
+        "half": body.half.tolist(),
+        "young": soil.young,
+        "poisson": soil.poisson,
+        "density": soil.density,
+        "law": LAW,
+        "fixed": fixed,
+        "load_at": side.x.tolist(),
+        "load_area": side.area.tolist(),
+        "pressure": pressure.tolist(),
+        "dt": run.stepping.dt,
+        "rows": probe._rows[order].tolist(),
+        "linear_solver": AMGCL,
+    }, probe._weights[order]
 
 
 def turns(runs: dict, steps: int, block: int, label: str) -> dict[str, np.ndarray]:
@@ -146,26 +179,40 @@ def turns(runs: dict, steps: int, block: int, label: str) -> dict[str, np.ndarra
 def with_peers(runs: dict, python: str | None, scene: dict, weights: np.ndarray) -> dict:
     """The runs and, where there is a Python for them, Kratos'."""
     if python:
-        runs |= {name: Peer(python, {**scene, "newton": newton}, weights) for name, newton in PEERS.items()}
+        runs |= {
+            name: Peer(python, {**scene, "newton": newton}, weights)
+            for name, newton in PEERS.items()
+        }
     return runs
 
 
-def rows_of(case: str, runs: dict, seconds: dict[str, np.ndarray], known: np.ndarray, skip: int = 1) -> list[dict]:
+def rows_of(
+    case: str, runs: dict, seconds: dict[str, np.ndarray], known: np.ndarray, skip: int = 1
+) -> list[dict]:
     """A row a run; ``known`` (steps,), Pa; the first blocks are no measure of time."""
     rows = []
     for name, run in runs.items():
         s, peer = seconds[name][skip:], isinstance(run, Peer)
-        rows.append({"case": case, "method": name, "seconds": float(np.median(s)), "seconds_min": float(s.min()),
-                     "over_dm_gc": float(np.median(s / seconds["DM-GC"][skip:])),
-                     "error_pressure": waves.relative_error(run.pressure, known),
-                     "solves_a_step": max(1.0, run.iterations / len(known)) if peer else 1.0,
-                     "version": run.version if peer else dolfinx_versions.version})
+        rows.append(
+            {
+                "case": case,
+                "method": name,
+                "seconds": float(np.median(s)),
+                "seconds_min": float(s.min()),
+                "over_dm_gc": float(np.median(s / seconds["DM-GC"][skip:])),
+                "error_pressure": waves.relative_error(run.pressure, known),
+                "solves_a_step": max(1.0, run.iterations / len(known)) if peer else 1.0,
+                "version": run.version if peer else dolfinx_versions.version,
+            }
+        )
         if peer:
             run.close()
     return rows
 
 
-def of_column(python: str | None, load: float, dt: float = 2.5e-3, end: float = column.end) -> list[dict]:
+def of_column(
+    python: str | None, load: float, dt: float = 2.5e-3, end: float = column.end
+) -> list[dict]:
     """The demo's column on its fixed base."""
     runs, middle = {}, (0.5, column.height / 2)
     for mapping in (DM_GC, MPM):
@@ -175,8 +222,13 @@ def of_column(python: str | None, load: float, dt: float = 2.5e-3, end: float = 
     runs["FE"] = Ours(twin, twin.record(Probe("stress", middle)))
     steps, ours = round(end / dt), runs["DM-GC"]
     t = dt * np.arange(1, steps + 1)
-    scene, weights = told(ours.run, {"left": "x", "right": "x", "bottom": "y"}, ours.run.bodies[0].surface("top"),
-                          ours.probe, column.pulse(t, load))
+    scene, weights = told(
+        ours.run,
+        {"left": "x", "right": "x", "bottom": "y"},
+        ours.run.bodies[0].surface("top"),
+        ours.probe,
+        column.pulse(t, load),
+    )
     runs = with_peers(runs, python, scene, weights)
     seconds = turns(runs, steps, 20, f"column, {load / 1e3:g} kPa")
     known = column.answer("fixed", load).pressure(column.height / 2, t)
@@ -192,9 +244,13 @@ def of_block(python: str | None, cell: float = 0.0625, steps: int = 40) -> list[
         runs[name] = Ours(run, run.record(Probe("stress", at)))
     ours = runs["DM-GC"]
     t = ours.run.stepping.dt * np.arange(1, steps + 1)
-    scene, weights = told(ours.run, {"left": "x", "right": "x", "bottom": "xy"},
-                          ours.run.bodies[0].surface("top", where=cost_scenes.under_strip), ours.probe,
-                          26e3 * np.sin(np.pi * t / 0.2) * (t < 0.2))
+    scene, weights = told(
+        ours.run,
+        {"left": "x", "right": "x", "bottom": "xy"},
+        ours.run.bodies[0].surface("top", where=cost_scenes.under_strip),
+        ours.probe,
+        26e3 * np.sin(np.pi * t / 0.2) * (t < 0.2),
+    )
     runs = with_peers(runs, python, scene, weights)
     seconds = turns(runs, steps, 4, "block")
     return rows_of("block", runs, seconds, runs["FE"].pressure, skip=2)
@@ -210,24 +266,48 @@ def has_kratos(python: str) -> bool:
 
 def table(rows: list[dict]) -> Table:
     """Milliseconds a step and errors."""
-    found = Table("case", "method", "ms a step", "least", "÷ DM-GC", "solves a step", "error of pressure, %",
-                  title="One thread each, taking turns; block: difference from FE", box=None, padding=(0, 2, 0, 0))
+    found = Table(
+        "case",
+        "method",
+        "ms a step",
+        "least",
+        "÷ DM-GC",
+        "solves a step",
+        "error of pressure, %",
+        title="One thread each, taking turns; block: difference from FE",
+        box=None,
+        padding=(0, 2, 0, 0),
+    )
     for row in rows:
-        found.add_row(row["case"], row["method"], f"{1e3 * row['seconds']:.2f}", f"{1e3 * row['seconds_min']:.2f}",
-                      f"{row['over_dm_gc']:.2f}", f"{row['solves_a_step']:.2f}", f"{100 * row['error_pressure']:.2f}")
+        found.add_row(
+            row["case"],
+            row["method"],
+            f"{1e3 * row['seconds']:.2f}",
+            f"{1e3 * row['seconds_min']:.2f}",
+            f"{row['over_dm_gc']:.2f}",
+            f"{row['solves_a_step']:.2f}",
+            f"{100 * row['error_pressure']:.2f}",
+        )
     return found
 
 
 def main(arguments=None) -> list[dict]:
     """Run all cases, print the table, write results/peers.json."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--kratos-python", default=sys.executable, metavar="PATH", help="a Python that has Kratos")
-    parser.add_argument("--results", type=Path, default=HOME / "results", help="folder for the results")
+    parser.add_argument(
+        "--kratos-python", default=sys.executable, metavar="PATH", help="a Python that has Kratos"
+    )
+    parser.add_argument(
+        "--results", type=Path, default=HOME / "results", help="folder for the results"
+    )
     chosen = parser.parse_args(arguments)
     chosen.results.mkdir(parents=True, exist_ok=True)
     python = chosen.kratos_python if has_kratos(chosen.kratos_python) else None
     if python is None:
-        print(f"Kratos is not installed in {chosen.kratos_python}, ours run alone; to have it: {INSTALL}")
+        print(
+            f"Kratos is not installed in {chosen.kratos_python}, ours run alone; to have it: "
+            f"{INSTALL}"
+        )
     rows = [*of_column(python, column.peak), *of_column(python, column.small), *of_block(python)]
     path = chosen.results / "peers.json"
     path.write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")

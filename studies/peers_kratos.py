@@ -1,12 +1,15 @@
-"""Kratos' implicit material point method, stepped from outside: a scene on stdin, then orders, answers as JSON lines.
+"""Kratos' implicit material point method, stepped from outside: a scene on stdin, then orders,
+answers as JSON lines.
 
-Runs in a Python that has KratosMultiphysics and KratosMPMApplication and knows nothing of this package.
+Runs in a Python that has KratosMultiphysics and KratosMPMApplication and knows nothing of this
+package.
 
-The scene, a line of JSON: ``lines`` of the grid (2 lists, m), ``x`` and ``half`` (n, 2) of the material points,
-``young``, ``poisson``, ``density``, ``fixed`` {side: components}, ``load_at`` (k, 2) and ``load_area`` (k,) of the
-surface points, ``pressure`` (steps,) downwards at the end of each step, ``dt``, ``law``, ``linear_solver``, ``newton``,
-``rows`` of the points whose vertical stress is asked for.  An order: a number of steps.  An answer: seconds, Newton
-iterations, ``stress`` (steps, rows), Pa.
+The scene, a line of JSON: ``lines`` of the grid (2 lists, m), ``x`` and ``half`` (n, 2) of the
+material points, ``young``, ``poisson``, ``density``, ``fixed`` {side: components}, ``load_at`` (k,
+2) and ``load_area`` (k,) of the surface points, ``pressure`` (steps,) downwards at the end of each
+step, ``dt``, ``law``, ``linear_solver``, ``newton``, ``rows`` of the points whose vertical stress
+is asked for.  An order: a number of steps.  An answer: seconds, Newton iterations, ``stress``
+(steps, rows), Pa.
 """
 
 from __future__ import annotations
@@ -22,15 +25,30 @@ from KratosMultiphysics.MPMApplication.mpm_implicit_dynamic_solver import Create
 
 
 def settings(scene: dict) -> Kratos.Parameters:
-    """Newmark with β = ¼, γ = ½, consistent mass; one solve a step, or Newton to Kratos' default tolerance."""
+    """Newmark with β = ¼, γ = ½, consistent mass; one solve a step, or Newton to Kratos' default
+    tolerance."""
     nothing = {"input_type": "use_input_model_part"}
-    return Kratos.Parameters(json.dumps({
-        "model_part_name": "MPM_Material", "domain_size": 2, "echo_level": 0, "scheme_type": "newmark",
-        "newmark_beta": 0.25, "analysis_type": "non_linear" if scene["newton"] else "linear",
-        "time_stepping": {"time_step": scene["dt"]}, "grid_model_import_settings": nothing,
-        "model_import_settings": nothing, "convergence_criterion": "residual_criterion",
-        "residual_relative_tolerance": 1e-4, "residual_absolute_tolerance": 1e-9, "max_iteration": 20,
-        "consistent_mass_matrix": True, "linear_solver_settings": scene["linear_solver"]}))
+    return Kratos.Parameters(
+        json.dumps(
+            {
+                "model_part_name": "MPM_Material",
+                "domain_size": 2,
+                "echo_level": 0,
+                "scheme_type": "newmark",
+                "newmark_beta": 0.25,
+                "analysis_type": "non_linear" if scene["newton"] else "linear",
+                "time_stepping": {"time_step": scene["dt"]},
+                "grid_model_import_settings": nothing,
+                "model_import_settings": nothing,
+                "convergence_criterion": "residual_criterion",
+                "residual_relative_tolerance": 1e-4,
+                "residual_absolute_tolerance": 1e-9,
+                "max_iteration": 20,
+                "consistent_mass_matrix": True,
+                "linear_solver_settings": scene["linear_solver"],
+            }
+        )
+    )
 
 
 def quads(part, first: int, xs, ys, name: str, properties) -> None:
@@ -67,9 +85,13 @@ class Run:
         name, (xs, ys) = "MPMUpdatedLagrangian2D4N", scene["lines"]
         quads(grid, 1, xs, ys, name, grid.CreateNewProperties(0))
         soil = body.CreateNewProperties(1)
-        for variable, value in ((Kratos.DENSITY, scene["density"]), (Kratos.YOUNG_MODULUS, scene["young"]),
-                                (Kratos.POISSON_RATIO, scene["poisson"]), (Kratos.THICKNESS, 1.0),
-                                (Mpm.MATERIAL_POINTS_PER_ELEMENT, 1)):
+        for variable, value in (
+            (Kratos.DENSITY, scene["density"]),
+            (Kratos.YOUNG_MODULUS, scene["young"]),
+            (Kratos.POISSON_RATIO, scene["poisson"]),
+            (Kratos.THICKNESS, 1.0),
+            (Mpm.MATERIAL_POINTS_PER_ELEMENT, 1),
+        ):
             soil.SetValue(variable, value)
         soil.SetValue(Kratos.CONSTITUTIVE_LAW, getattr(Mpm, scene["law"])())
         nodes, cells = len(xs) * len(ys), (len(xs) - 1) * (len(ys) - 1)
@@ -89,7 +111,9 @@ class Run:
         part = grid.CreateSubModelPart("load")
         for k, (x, y) in enumerate(self.scene["load_at"]):
             part.CreateNewNode(first + k, x, y, 0.0)
-            condition = part.CreateNewCondition("PointCondition2D1N", k + 1, [first + k], grid.GetProperties()[0])
+            condition = part.CreateNewCondition(
+                "PointCondition2D1N", k + 1, [first + k], grid.GetProperties()[0]
+            )
             condition.Set(Kratos.BOUNDARY, True)
             condition.SetValue(Mpm.MATERIAL_POINTS_PER_CONDITION, 1)
             condition.SetValue(Mpm.MPC_IS_NEUMANN, True)
@@ -110,13 +134,14 @@ class Run:
         solver, info = self.solver, self.solver.GetComputingModelPart().ProcessInfo
         self.time = solver.AdvanceInTime(self.time)
         pressure = self.scene["pressure"][self.steps]
-        if self.loads and not any(self.scene["pressure"][self.steps:]):
+        if self.loads and not any(self.scene["pressure"][self.steps :]):
             self._unload()
         for condition, area in zip(self.loads, self.scene["load_area"], strict=bool(self.loads)):
             condition.SetValuesOnIntegrationPoints(
-                Mpm.POINT_LOAD, [Kratos.Array3([0.0, -pressure * area, 0.0])], info)
-        # 10.4.4's own order, search after the equations are numbered, ends in a segmentation fault as soon as a point
-        # enters a cell that was empty
+                Mpm.POINT_LOAD, [Kratos.Array3([0.0, -pressure * area, 0.0])], info
+            )
+        # 10.4.4's own order, search after the equations are numbered, ends in a segmentation fault
+        # as soon as a point enters a cell that was empty
         solver._SearchElement()
         solver.InitializeSolutionStep()
         solver._GetSolutionStrategy().Predict()
@@ -127,7 +152,8 @@ class Run:
         return info[Kratos.NL_ITERATION_NUMBER]
 
     def _unload(self) -> None:
-        """Take the surface points away: one that rises into an empty cell, even without a load, ends Kratos."""
+        """Take the surface points away: one that rises into an empty cell, even without a load,
+        ends Kratos."""
         for condition in self.loads:
             condition.Set(Kratos.TO_ERASE, True)
         self.solver.GetComputingModelPart().RemoveConditionsFromAllLevels(Kratos.TO_ERASE)
@@ -136,11 +162,15 @@ class Run:
     def stress(self) -> list[float]:
         """Vertical stress (Pa) of the points that are watched."""
         info = self.solver.GetComputingModelPart().ProcessInfo
-        return [p.CalculateOnIntegrationPoints(Mpm.MP_CAUCHY_STRESS_VECTOR, info)[0][1] for p in self.watched]
+        return [
+            p.CalculateOnIntegrationPoints(Mpm.MP_CAUCHY_STRESS_VECTOR, info)[0][1]
+            for p in self.watched
+        ]
 
 
 def main() -> None:
-    """Answer orders until there are no more, on the file descriptor that is given: stdout is Kratos' own."""
+    """Answer orders until there are no more, on the file descriptor that is given: stdout is
+    Kratos' own."""
     answers = os.fdopen(int(sys.argv[1]), "w")
     Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
     Kratos.ParallelUtilities.SetNumThreads(1)
@@ -149,7 +179,10 @@ def main() -> None:
         print(json.dumps(found), file=answers, flush=True)
 
     run = Run(json.loads(sys.stdin.readline()))
-    answer(version=Kratos.KratosGlobals.Kernel.Version(), points=len(run.model["MPM_Material.body"].Elements))
+    answer(
+        version=Kratos.KratosGlobals.Kernel.Version(),
+        points=len(run.model["MPM_Material.body"].Elements),
+    )
     for order in sys.stdin:
         seconds, iterations, stress = 0.0, 0, []
         for _ in range(int(order)):

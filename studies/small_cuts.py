@@ -1,13 +1,17 @@
-"""Small cuts: what a body does that lies a hair over grid lines, left alone and with ``GhostPenalty``.
+"""Small cuts: what a body does that lies a hair over grid lines, left alone and with
+``GhostPenalty``.
 
-    condition     of the matrix with unit diagonal, nodes without material left out: a corner of a free block lies a
-                  part of a cell over grid lines in every direction, and balls lie anywhere
+    condition     of the matrix with unit diagonal, nodes without material left out: a corner of a
+                  free block lies a part of a cell over grid lines in every direction, and balls lie
+                  anywhere
     acceleration  largest of the grid, in σ/(ρ h), when a stress σ in the block is set free
-    statics       a block in tension, σ, under a traction of 1.01 σ: error of its stress and of how far its edge moves,
-                  relative to what the 1 % does; exact but for the strain of the sliver, which is worth cut/4
-    accuracy      manufactured bar that drifts (``manufactured.py``), the column at 0.3 kPa (``demos/column.py``)
-    foundation    ``demos/foundation.py``, 26 kPa, absorbing sides, cells of 0.125 m: rescues of the linear solver,
-                  iterations and ms a step, and how far the grid's nodes go in a step
+    statics       a block in tension, σ, under a traction of 1.01 σ: error of its stress and of how
+                  far its edge moves, relative to what the 1 % does; exact but for the strain of the
+                  sliver, which is worth cut/4
+    accuracy      manufactured bar that drifts (``manufactured.py``), the column at 0.3 kPa
+                  (``demos/column.py``)
+    foundation    ``demos/foundation.py``, 26 kPa, absorbing sides, cells of 0.125 m: rescues of the
+                  linear solver, iterations and ms a step, and how far the grid's nodes go in a step
 
 Writes results/small_cuts.json and .png.
 
@@ -43,28 +47,57 @@ def cases(steps: int, quick: bool = False):
         cure = CURES[name]
         for dim in dims:
             for courant in courants:
-                for shape, seed in [("block", 0)] + [("ball", seed) for seed in range(1 if quick or dim == 3 else 3)]:
+                for shape, seed in [("block", 0)] + [
+                    ("ball", seed) for seed in range(1 if quick or dim == 3 else 3)
+                ]:
                     for cut in cuts:
-                        yield ("released", dict(mapping=str(mapping), cure=name, dim=dim, courant=courant, shape=shape,
-                                                seed=seed, cut=float(cut)),
-                               lambda chosen=(shape, dim, cut, mapping, courant, cure, seed): released(*chosen))
-        if mapping is MPM:  # a point alone in a cell is no body: of it the matrix alone is of interest
+                        yield (
+                            "released",
+                            dict(
+                                mapping=str(mapping),
+                                cure=name,
+                                dim=dim,
+                                courant=courant,
+                                shape=shape,
+                                seed=seed,
+                                cut=float(cut),
+                            ),
+                            lambda chosen=(shape, dim, cut, mapping, courant, cure, seed): released(
+                                *chosen
+                            ),
+                        )
+        if (
+            mapping is MPM
+        ):  # a point alone in a cell is no body: of it the matrix alone is of interest
             continue
         for cut in cuts:
-            yield ("statics", dict(mapping=str(mapping), cure=name, cut=float(cut)),
-                   lambda chosen=(cut, mapping, cure): {"error": statics(*chosen)})
+            yield (
+                "statics",
+                dict(mapping=str(mapping), cure=name, cut=float(cut)),
+                lambda chosen=(cut, mapping, cure): {"error": statics(*chosen)},
+            )
         for scene in () if quick else ("moving", "random"):
             for cells in (10, 20, 40):
-                yield ("bar", dict(mapping=str(mapping), cure=name, scene=scene, cells=cells),
-                       lambda chosen=(scene, mapping, cure, cells): bar(*chosen))
+                yield (
+                    "bar",
+                    dict(mapping=str(mapping), cure=name, scene=scene, cells=cells),
+                    lambda chosen=(scene, mapping, cure, cells): bar(*chosen),
+                )
         for base in () if quick else ("fixed", "viscous"):
-            yield ("column", dict(mapping=str(mapping), cure=name, scene=base),
-                   lambda chosen=(base, mapping, cure): pulse(*chosen))
+            yield (
+                "column",
+                dict(mapping=str(mapping), cure=name, scene=base),
+                lambda chosen=(base, mapping, cure): pulse(*chosen),
+            )
     for name in CURES if steps else ():
-        yield "foundation", dict(mapping="DM-GC", cure=name), lambda name=name: drift(CURES[name], steps)
+        yield (
+            "foundation",
+            dict(mapping="DM-GC", cure=name),
+            lambda name=name: drift(CURES[name], steps),
+        )
 
 
-# -- what is shown ------------------------------------------------------------------------------------------------
+# -- what is shown ---------------------------------------------------------------------------------
 
 
 def figure(rows: list[dict], path: Path) -> None:
@@ -72,8 +105,12 @@ def figure(rows: list[dict], path: Path) -> None:
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
 
-    styles = {("GIMP", "none"): ("#d55e00", "-", "o"), ("GIMP", "ghost penalty"): ("#e69f00", "--", "s"),
-              ("DM-GC", "none"): ("#0072b2", "-", "^"), ("DM-GC", "ghost penalty"): ("#009e73", "--", "v")}
+    styles = {
+        ("GIMP", "none"): ("#d55e00", "-", "o"),
+        ("GIMP", "ghost penalty"): ("#e69f00", "--", "s"),
+        ("DM-GC", "none"): ("#0072b2", "-", "^"),
+        ("DM-GC", "ghost penalty"): ("#009e73", "--", "v"),
+    }
     released_ = [row for row in rows if row["kind"] == "released" and row["shape"] == "block"]
     courant = min(row["courant"] for row in released_)
     fig, axes = plt.subplots(1, 3, figsize=(12, 4.0), layout="constrained")
@@ -87,10 +124,20 @@ def figure(rows: list[dict], path: Path) -> None:
         label = f"{mapping}, {'with' if cure != 'none' else 'without'} ghost penalty"
         for axis, name in zip(axes, ("condition", "acceleration"), strict=False):
             axis.loglog(*curve(kept, name), color=color, ls=line, marker=mark, ms=4, label=label)
-        axes[2].loglog(*curve([row for row in rows if row["kind"] == "statics"], "error"), color=color, ls=line,
-                       marker=mark, ms=4, label=label)
+        axes[2].loglog(
+            *curve([row for row in rows if row["kind"] == "statics"], "error"),
+            color=color,
+            ls=line,
+            marker=mark,
+            ms=4,
+            label=label,
+        )
     axes[2].loglog(CUTS, CUTS / 4, color="0.5", lw=1.0, label="strain of the sliver, cut/4")
-    axes[0].set(ylabel="condition number, unit diagonal (-)", ylim=(1.0, 1e2), title="Matrix of a free block")
+    axes[0].set(
+        ylabel="condition number, unit diagonal (-)",
+        ylim=(1.0, 1e2),
+        title="Matrix of a free block",
+    )
     axes[1].set(ylabel="largest nodal acceleration / (σ/ρh) (-)", title="Stress σ set free")
     axes[2].set(ylabel="error / what 1 % of traction does (-)", title="Statics")
     for axis in axes:
@@ -106,26 +153,64 @@ def figure(rows: list[dict], path: Path) -> None:
 
 def tables(rows: list[dict]) -> list[Table]:
     """Worst over cuts and shapes; errors; the foundation."""
-    worst = Table("mapping", "cure", "dim", "Courant", "condition", "acceleration", "iterations", box=None,
-                  title="Worst over cuts of 0.1 … 1e-8 and shapes")
+    worst = Table(
+        "mapping",
+        "cure",
+        "dim",
+        "Courant",
+        "condition",
+        "acceleration",
+        "iterations",
+        box=None,
+        title="Worst over cuts of 0.1 … 1e-8 and shapes",
+    )
     groups: dict[tuple, list[dict]] = {}
     for row in rows:
         if row["kind"] == "released":
-            groups.setdefault((row["mapping"], row["cure"], row["dim"], row["courant"]), []).append(row)
+            groups.setdefault((row["mapping"], row["cure"], row["dim"], row["courant"]), []).append(
+                row
+            )
     for key, found in groups.items():
-        most = [max(row[name] for row in found) for name in ("condition", "acceleration", "iterations")]
+        most = [
+            max(row[name] for row in found) for name in ("condition", "acceleration", "iterations")
+        ]
         worst.add_row(*map(str, key), f"{most[0]:.3g}", f"{most[1]:.2g}", f"{most[2]}")
     errors = Table("", "mapping", "cure", "scene", "cells", "errors, %", box=None, title="Accuracy")
     for row in rows:
         if row["kind"] in ("bar", "column"):
-            found = ", ".join(f"{name[6:]} {100 * e:.3f}" for name, e in row.items() if name.startswith("error_"))
-            errors.add_row(row["kind"], row["mapping"], row["cure"], row["scene"], str(row.get("cells", "")), found)
-    sliding = Table("cure", "steps", "rescues", "iterations", "solves a step", "ms a step", "furthest node, m",
-                    box=None, title="Foundation between dashpots, 26 kPa, 0.125 m")
+            found = ", ".join(
+                f"{name[6:]} {100 * e:.3f}" for name, e in row.items() if name.startswith("error_")
+            )
+            errors.add_row(
+                row["kind"],
+                row["mapping"],
+                row["cure"],
+                row["scene"],
+                str(row.get("cells", "")),
+                found,
+            )
+    sliding = Table(
+        "cure",
+        "steps",
+        "rescues",
+        "iterations",
+        "solves a step",
+        "ms a step",
+        "furthest node, m",
+        box=None,
+        title="Foundation between dashpots, 26 kPa, 0.125 m",
+    )
     for row in rows:
         if row["kind"] == "foundation":
-            sliding.add_row(row["cure"], str(row["steps"]), str(row["rescues"]), f"{row['iterations']:.1f}",
-                            f"{row['solves_a_step']:.2f}", f"{row['ms_a_step']:.1f}", f"{row['furthest_node_m']:.2g}")
+            sliding.add_row(
+                row["cure"],
+                str(row["steps"]),
+                str(row["rescues"]),
+                f"{row['iterations']:.1f}",
+                f"{row['solves_a_step']:.2f}",
+                f"{row['ms_a_step']:.1f}",
+                f"{row['furthest_node_m']:.2g}",
+            )
     return [worst, errors, sliding]
 
 
@@ -137,10 +222,14 @@ def main(arguments=None) -> list[dict]:
     parser.add_argument("--quick", action="store_true", help="few cuts in 2D, no bar, no column")
     chosen = parser.parse_args(arguments)
     chosen.results.mkdir(parents=True, exist_ok=True)
-    rows = [{"kind": kind, **settings, **measure()}
-            for kind, settings, measure in track(list(cases(chosen.steps, chosen.quick)), "cuts")]
-    lines = ",\n".join(json.dumps({k: float(f"{v:.5g}") if isinstance(v, float) else v for k, v in row.items()})
-                       for row in rows)
+    rows = [
+        {"kind": kind, **settings, **measure()}
+        for kind, settings, measure in track(list(cases(chosen.steps, chosen.quick)), "cuts")
+    ]
+    lines = ",\n".join(
+        json.dumps({k: float(f"{v:.5g}") if isinstance(v, float) else v for k, v in row.items()})
+        for row in rows
+    )
     (chosen.results / "small_cuts.json").write_text(f"[\n{lines}\n]\n")
     figure(rows, chosen.results / "small_cuts.png")
     for shown in tables(rows):

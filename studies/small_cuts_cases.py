@@ -1,4 +1,5 @@
-"""The scenes of ``small_cuts.py``, each measured with and without a cure (a list of terms).  Units: m, s, kg, Pa."""
+"""The scenes of ``small_cuts.py``, each measured with and without a cure (a list of terms).  Units:
+m, s, kg, Pa."""
 
 from __future__ import annotations
 
@@ -9,7 +10,17 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from mpm_fenicsx import Fixed, Grid, LinearElastic, MaterialPoints, Newmark, QuasiStatic, RunError, Simulation, Traction
+from mpm_fenicsx import (
+    Fixed,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    RunError,
+    Simulation,
+    Traction,
+)
 
 HOME = Path(__file__).parents[1]
 sys.path += [str(HOME / "demos"), str(HOME / "studies")]
@@ -21,18 +32,23 @@ soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 h, n, σ, miss = 0.25, 3, 100e3, 0.01  # m, cells of a block's edge, Pa, -
 
 
-# -- one step of a free body --------------------------------------------------------------------------------------
+# -- one step of a free body -----------------------------------------------------------------------
 
 
 def body_of(shape: str, dim: int, cut: float, rng) -> tuple[Grid, MaterialPoints]:
-    """A block, its upper corner ``cut`` of a cell over grid lines, or a ball anywhere, with room around."""
+    """A block, its upper corner ``cut`` of a cell over grid lines, or a ball anywhere, with room
+    around."""
     grid = Grid.box([-2 * h] * dim, [(n + 2) * h] * dim, [n + 4] * dim)
     if shape == "block":
-        points = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: ((x > 0) & (x < n * h)).all(axis=0))
+        points = MaterialPoints.fill(
+            grid, soil, 2**dim, inside=lambda x: ((x > 0) & (x < n * h)).all(axis=0)
+        )
         points.x += cut * h
     else:
         centre = 0.5 * n * h + rng.uniform(-0.5, 0.5, (dim, 1)) * h
-        points = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: ((x - centre)**2).sum(axis=0) < (1.3 * h)**2)
+        points = MaterialPoints.fill(
+            grid, soil, 2**dim, inside=lambda x: ((x - centre) ** 2).sum(axis=0) < (1.3 * h) ** 2
+        )
         points.x += cut * h * rng.uniform(-1.0, 1.0, dim)
     return grid, points
 
@@ -46,19 +62,27 @@ def condition(run) -> float:
     return float(found[-1] / found[0])
 
 
-def released(shape: str, dim: int, cut: float, mapping, courant: float, cure: list, seed: int = 0) -> dict:
+def released(
+    shape: str, dim: int, cut: float, mapping, courant: float, cure: list, seed: int = 0
+) -> dict:
     """Condition, and largest acceleration of the grid in σ/(ρ h), where a stress is set free."""
     grid, points = body_of(shape, dim, cut, np.random.default_rng(seed))
     points.stress[:, :dim] = σ
-    run = Simulation(grid, points, Newmark(courant * h / soil.p_speed), cure, mapping, hold_cut_cells=False)
+    run = Simulation(
+        grid, points, Newmark(courant * h / soil.p_speed), cure, mapping, hold_cut_cells=False
+    )
     run.prepare(0.0, run.stepping.dt)
     run.predict()
     run.solve()
-    return {"condition": condition(run), "iterations": run.equilibrium.iterations, "rescues": run.equilibrium.rescues,
-            "acceleration": float(np.abs(run.motion.end()[1]).max() * soil.density * h / σ)}
+    return {
+        "condition": condition(run),
+        "iterations": run.equilibrium.iterations,
+        "rescues": run.equilibrium.rescues,
+        "acceleration": float(np.abs(run.motion.end()[1]).max() * soil.density * h / σ),
+    }
 
 
-# -- errors -------------------------------------------------------------------------------------------------------
+# -- errors ----------------------------------------------------------------------------------------
 
 
 def statics(cut: float, mapping, cure: list, cells: int = 4) -> float:
@@ -66,8 +90,13 @@ def statics(cut: float, mapping, cure: list, cells: int = 4) -> float:
     grid = Grid.box((0, 0), [(cells + 2) * h] * 2, [cells + 2] * 2)
     points = MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x < cells * h).all(axis=0))
     factor = 1 + cut / cells
-    points = MaterialPoints(soil, factor * points.x, factor * points.half, factor**2 * points.volume,
-                            exposed=points.exposed)
+    points = MaterialPoints(
+        soil,
+        factor * points.x,
+        factor * points.half,
+        factor**2 * points.volume,
+        exposed=points.exposed,
+    )
     points.stress[:, :3] = σ * np.array([1.0, 1.0, 2 * soil.poisson])
     sides = [points.surface(side) for side in ("right", "top")]
     before = [on.x.copy() for on in sides]
@@ -76,7 +105,9 @@ def statics(cut: float, mapping, cure: list, cells: int = 4) -> float:
     Simulation(grid, points, QuasiStatic(1), terms + cure, mapping, hold_cut_cells=False).until(1.0)
     moved = miss * σ / (2 * sum(soil.lame)) * cells * h
     far = max(np.abs(on.x - x).max() for on, x in zip(sides, before, strict=True))
-    return float(max(abs(far / moved - 1), np.abs(points.stress[:, :2] / σ - 1 - miss).max() / miss))
+    return float(
+        max(abs(far / moved - 1), np.abs(points.stress[:, :2] / σ - 1 - miss).max() / miss)
+    )
 
 
 def bar(name: str, mapping, cure: list, cells: int = 20) -> dict:
@@ -84,8 +115,15 @@ def bar(name: str, mapping, cure: list, cells: int = 20) -> dict:
     chosen, plain = manufactured.BARS[name], manufactured.terms
     manufactured.terms = lambda *scene: plain(*scene) + cure
     try:
-        run = manufactured.points(chosen, mapping, 1 / cells, chosen.period / (4 * cells), 4, name == "random",
-                                  hold_cut_cells=False)
+        run = manufactured.points(
+            chosen,
+            mapping,
+            1 / cells,
+            chosen.period / (4 * cells),
+            4,
+            name == "random",
+            hold_cut_cells=False,
+        )
     finally:
         manufactured.terms = plain
     watch = manufactured.Watch(run, chosen)
@@ -124,7 +162,13 @@ def drift(cure: list, steps: int) -> dict:
             iterations.append(run.equilibrium.iterations)
     except RunError as error:
         stopped = str(error)
-    row.update(steps=run.steps, rescues=run.equilibrium.rescues, iterations=float(np.mean(iterations)),
-               ms_a_step=1e3 * (time.perf_counter() - start) / max(len(iterations), 1), furthest_node_m=far,
-               solves_a_step=run.equilibrium.solves / run.steps, stopped=stopped)
+    row.update(
+        steps=run.steps,
+        rescues=run.equilibrium.rescues,
+        iterations=float(np.mean(iterations)),
+        ms_a_step=1e3 * (time.perf_counter() - start) / max(len(iterations), 1),
+        furthest_node_m=far,
+        solves_a_step=run.equilibrium.solves / run.steps,
+        stopped=stopped,
+    )
     return row

@@ -1,13 +1,16 @@
-"""Speed against error: what a digit costs with each mapping and with finite elements, and at which orders errors fall.
+"""Speed against error: what a digit costs with each mapping and with finite elements, and at which
+orders errors fall.
 
-The paper's column at two loads on two bases, and manufactured bars (``manufactured.py``), over mapping, cell size, time
-step, points a cell and tolerance of the linear solver.  A row has the relative L2 errors of displacement, velocity and
-stress, the seconds of the steps alone, on the wall and of the CPU (least of up to three turns, methods in turn about),
-memory, and, where a run goes unstable, the step.  Writes speed_against_error.json after every run, and .png.  What is
-in the file for this DOLFINx and number of threads is not run again.
+The paper's column at two loads on two bases, and manufactured bars (``manufactured.py``), over
+mapping, cell size, time step, points a cell and tolerance of the linear solver.  A row has the
+relative L2 errors of displacement, velocity and stress, the seconds of the steps alone, on the wall
+and of the CPU (least of up to three turns, methods in turn about), memory, and, where a run goes
+unstable, the step.  Writes speed_against_error.json after every run, and .png.  What is in the file
+for this DOLFINx and number of threads is not run again.
 
-    OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 python studies/speed_against_error.py --fresh    everything, 20 minutes
-    OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1 python studies/speed_against_error.py --quick    coarse cells, one turn
+    export OMP_NUM_THREADS=1 NUMBA_NUM_THREADS=1
+    python studies/speed_against_error.py --fresh  # everything, 20 minutes
+    python studies/speed_against_error.py --quick  # coarse cells, one turn
 """
 
 from __future__ import annotations
@@ -35,11 +38,21 @@ LONG = (np.inf, 4.0, 1.0)  # s: the longest runs of each turn
 
 def surroundings() -> dict:
     """What timings depend on; the first two tell rows that may not be mixed."""
-    commit = subprocess.run(["git", "rev-parse", "--short", "HEAD"], cwd=Path(__file__).parent, capture_output=True,
-                            text=True, check=False).stdout.strip()
-    return {"dolfinx": dolfinx_versions.version, "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
-            "numba_threads": numba.get_num_threads(), "machine": f"{platform.processor() or platform.machine()}, "
-            f"{os.cpu_count()} cores", "python": platform.python_version(), "commit": commit}
+    commit = subprocess.run(
+        ["git", "rev-parse", "--short", "HEAD"],
+        cwd=Path(__file__).parent,
+        capture_output=True,
+        text=True,
+        check=False,
+    ).stdout.strip()
+    return {
+        "dolfinx": dolfinx_versions.version,
+        "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
+        "numba_threads": numba.get_num_threads(),
+        "machine": f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores",
+        "python": platform.python_version(),
+        "commit": commit,
+    }
 
 
 class Book:
@@ -48,19 +61,25 @@ class Book:
     def __init__(self, path: Path, fresh: bool = False):
         self.path, self.here = path, surroundings()
         known = json.loads(path.read_text())["rows"] if path.exists() else []
-        mine = [row for row in known if all(row[name] == self.here[name] for name in ("dolfinx", "threads"))]
+        mine = [
+            row
+            for row in known
+            if all(row[name] == self.here[name] for name in ("dolfinx", "threads"))
+        ]
         self.others = [row for row in known if row not in mine]
         self.rows = {} if fresh else {Case.of(row): row for row in mine}
 
     def due(self, case: Case, turn: int) -> bool:
-        """Whether a case is to be run in this turn (0, 1, 2): a failed one again, a short one in every turn."""
+        """Whether a case is to be run in this turn (0, 1, 2): a failed one again, a short one in
+        every turn."""
         row = self.rows.get(case)
         if row is None or row["failed"]:
             return turn == 0
         return len(row["seconds_each"]) <= turn and row["seconds"] < LONG[turn]
 
     def run(self, case: Case) -> None:
-        """Run a case and write down the row, the least seconds of its turns; a failure is written down, too."""
+        """Run a case and write down the row, the least seconds of its turns; a failure is written
+        down, too."""
         try:
             row = {**measure(case), "failed": None}
         except Exception as error:
@@ -71,8 +90,12 @@ class Book:
             for name in ("seconds", "cpu_seconds", "ms_per_step", "set_up_seconds"):
                 row[name] = min(row[name], before.get(name, row[name]))
         here = {name: self.here[name] for name in ("dolfinx", "threads", "commit")}
-        self.rows[case] = {**row, **here, "at": datetime.now(UTC).isoformat(timespec="seconds"),
-                           "load": round(os.getloadavg()[0], 2)}
+        self.rows[case] = {
+            **row,
+            **here,
+            "at": datetime.now(UTC).isoformat(timespec="seconds"),
+            "load": round(os.getloadavg()[0], 2),
+        }
         self.write()
 
     def write(self, **more) -> None:
@@ -88,35 +111,51 @@ def _rounded(value):
     if isinstance(value, float):
         return float(f"{value:.6g}")
     if isinstance(value, dict):
-        return {key: item if key in Case.__dataclass_fields__ else _rounded(item)
-                for key, item in value.items()}
+        return {
+            key: item if key in Case.__dataclass_fields__ else _rounded(item)
+            for key, item in value.items()
+        }
     return [_rounded(item) for item in value] if isinstance(value, list) else value
 
 
 def _lines(whole: dict) -> str:
     """JSON with a line for each item of a list."""
+
     def listed(value) -> str:
         return "[\n" + ",\n".join(json.dumps(item) for item in value) + "\n]"
 
-    parts = (f'"{key}": {listed(value) if isinstance(value, list) else json.dumps(value)}'
-             for key, value in whole.items())
+    parts = (
+        f'"{key}": {listed(value) if isinstance(value, list) else json.dumps(value)}'
+        for key, value in whole.items()
+    )
     return "{" + ",\n".join(parts) + "}\n"
 
 
 def run(todo: list[Case], turns: int, book: Book, console: Console) -> None:
     """Run what is due, short cases in every turn; an interrupt ends it early and loses nothing."""
-    columns = (TextColumn("{task.description:52}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    columns = (
+        TextColumn("{task.description:52}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+    )
     try:
         with Progress(*columns, console=console) as progress:
             for turn in range(turns):
                 due = [case for case in todo if book.due(case, turn)]
                 task = progress.add_task("", total=len(due))
                 for case in due:
-                    progress.update(task, description=f"turn {turn + 1}: {case.scene}, {case.method}, {case.cell:g} m")
+                    progress.update(
+                        task,
+                        description=f"turn {turn + 1}: {case.scene}, {case.method}, "
+                        f"{case.cell:g} m",
+                    )
                     book.run(case)
                     progress.advance(task)
     except KeyboardInterrupt:
-        console.print("[bold]interrupted[/]: what is done is kept, the same command goes on from there")
+        console.print(
+            "[bold]interrupted[/]: what is done is kept, the same command goes on from there"
+        )
 
 
 def main(arguments=None) -> list[dict]:
@@ -126,8 +165,12 @@ def main(arguments=None) -> list[dict]:
     parser.add_argument("--all", action="store_true", help="CMPM, DM, DM-C and FE reassembled, too")
     parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), metavar="SCENE")
     parser.add_argument("--method", nargs="+", choices=METHODS + MORE, metavar="METHOD")
-    parser.add_argument("--turns", type=int, choices=(1, 2, 3), help="how often short runs are timed, at most")
-    parser.add_argument("--fresh", action="store_true", help="forget what was run before with this DOLFINx")
+    parser.add_argument(
+        "--turns", type=int, choices=(1, 2, 3), help="how often short runs are timed, at most"
+    )
+    parser.add_argument(
+        "--fresh", action="store_true", help="forget what was run before with this DOLFINx"
+    )
     parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
     chosen = parser.parse_args(arguments)
     chosen.results.mkdir(parents=True, exist_ok=True)

@@ -24,7 +24,8 @@ WILD = 10.0  # stress over the largest exact one: beyond, a run is unstable
 
 @dataclass(frozen=True)
 class Case:
-    """One run: ``cell`` (m), ``dt`` (s), points per cell, relative tolerance of the linear solver (None: as it is)."""
+    """One run: ``cell`` (m), ``dt`` (s), points per cell, relative tolerance of the linear solver
+    (None: as it is)."""
 
     scene: str
     method: str
@@ -62,8 +63,11 @@ def in_space(scene: str) -> list[tuple[float, float]]:
 def in_time(scene: str) -> list[tuple[float, float]]:
     """Time steps refined in the finest cells."""
     s = SCENES[scene]
-    return [(s.cells[-1], s.step(s.cells[-1], courant)) for courant in (16, 8, *COURANT)
-            if s.end / s.step(s.cells[-1], courant) <= MOST]
+    return [
+        (s.cells[-1], s.step(s.cells[-1], courant))
+        for courant in (16, 8, *COURANT)
+        if s.end / s.step(s.cells[-1], courant) <= MOST
+    ]
 
 
 def settings(scene: str, quick: bool) -> Iterator[dict]:
@@ -85,7 +89,8 @@ def settings(scene: str, quick: bool) -> Iterator[dict]:
 
 
 def cases(scenes, methods, quick: bool) -> list[Case]:
-    """All runs, methods one after the other, so that what a machine does at times meets them alike."""
+    """All runs, methods one after the other, so that what a machine does at times meets them
+    alike."""
     found = {}
     for scene in scenes:
         for setting in settings(scene, quick):
@@ -100,7 +105,8 @@ def cases(scenes, methods, quick: bool) -> list[Case]:
 
 
 def measure(case: Case) -> dict:
-    """One run: seconds in its steps alone, errors, memory; what goes wrong in a step is part of the row."""
+    """One run: seconds in its steps alone, errors, memory; what goes wrong in a step is part of the
+    row."""
     gc.collect()
     with suppress(AttributeError):  # not glibc
         ctypes.CDLL(None).malloc_trim(0)  # what earlier runs left is not this one's
@@ -111,8 +117,14 @@ def measure(case: Case) -> dict:
         options["reassemble"] = True
     run = scene.make(case.method, case.cell, case.dt, case.per_cell, **options)
     watch = scene.watch(run)
-    row = {**vars(case), "set_up_seconds": time.perf_counter() - began, "cells": run.grid.cells,
-           "points": sum(len(body) for body in run.bodies), "unstable_at_step": None, "reason": None}
+    row = {
+        **vars(case),
+        "set_up_seconds": time.perf_counter() - began,
+        "cells": run.grid.cells,
+        "points": sum(len(body) for body in run.bodies),
+        "unstable_at_step": None,
+        "reason": None,
+    }
     steps, seconds, cpu = round(scene.end / case.dt), 0.0, 0.0
     while run.steps < steps and row["unstable_at_step"] is None:
         clock, own = time.perf_counter(), time.process_time()
@@ -122,17 +134,29 @@ def measure(case: Case) -> dict:
             row.update(unstable_at_step=run.steps + 1, reason=str(error))
         seconds, cpu = seconds + time.perf_counter() - clock, cpu + time.process_time() - own
         if row["unstable_at_step"] is None and not watch() < WILD:
-            row.update(unstable_at_step=run.steps, reason=f"stress beyond {WILD:g} times the largest exact one")
+            row.update(
+                unstable_at_step=run.steps,
+                reason=f"stress beyond {WILD:g} times the largest exact one",
+            )
     stable = row["unstable_at_step"] is None
     row.update(watch.errors() if stable else dict.fromkeys(ERRORS))
     most = _memory("VmHWM")
-    return {**row, "steps": run.steps, "iterations": run.equilibrium.iterations, "solves": run.equilibrium.solves,
-            "seconds": seconds, "cpu_seconds": cpu, "ms_per_step": 1e3 * seconds / max(run.steps, 1),
-            "memory_mb": most, "memory_growth_mb": None if most is None or before is None else most - before}
+    return {
+        **row,
+        "steps": run.steps,
+        "iterations": run.equilibrium.iterations,
+        "solves": run.equilibrium.solves,
+        "seconds": seconds,
+        "cpu_seconds": cpu,
+        "ms_per_step": 1e3 * seconds / max(run.steps, 1),
+        "memory_mb": most,
+        "memory_growth_mb": None if most is None or before is None else most - before,
+    }
 
 
 def _memory(name: str, reset: bool = False) -> float | None:
-    """Resident memory of this process (MB): now, VmRSS, or the most since ``reset``, VmHWM; None but on Linux."""
+    """Resident memory of this process (MB): now, VmRSS, or the most since ``reset``, VmHWM; None
+    but on Linux."""
     try:
         if reset:
             Path("/proc/self/clear_refs").write_text("5")

@@ -1,4 +1,5 @@
-"""Scenes with an exact answer that ``speed_against_error`` runs: the paper's column and manufactured bars."""
+"""Scenes with an exact answer that ``speed_against_error`` runs: the paper's column and
+manufactured bars."""
 
 from __future__ import annotations
 
@@ -21,14 +22,22 @@ MAPPING = {mapping.name: mapping for mapping in (*MAPPINGS, DM_GCL)}
 
 
 class ColumnWatch:
-    """Errors of a column: relative L2 over time, of stress at mid-height and base, the rest at mid-height and top."""
+    """Errors of a column: relative L2 over time, of stress at mid-height and base, the rest at
+    mid-height and top."""
 
     def __init__(self, run, base: str, load: float):
         self.run, self.exact = run, column.answer(base, load)
         self.largest = 2 * load
-        self.depths = {"displacement": (0.5, 0.0), "velocity": (0.5, 0.0), "stress": (0.5, 1.0)}  # over the height
-        self.probes = [Probe(name, (0.5, (1 - depth) * column.height))
-                       for name, depths in self.depths.items() for depth in depths]
+        self.depths = {
+            "displacement": (0.5, 0.0),
+            "velocity": (0.5, 0.0),
+            "stress": (0.5, 1.0),
+        }  # over the height
+        self.probes = [
+            Probe(name, (0.5, (1 - depth) * column.height))
+            for name, depths in self.depths.items()
+            for depth in depths
+        ]
         for probe in self.probes:
             probe.attach(run)
         places, self.stress = run.sampler("stress")
@@ -42,8 +51,11 @@ class ColumnWatch:
 
     def errors(self) -> dict[str, float]:
         """What was found."""
-        known = {"displacement": self.exact.displacement, "velocity": self.exact.velocity,
-                 "stress": self.exact.pressure}
+        known = {
+            "displacement": self.exact.displacement,
+            "velocity": self.exact.velocity,
+            "stress": self.exact.pressure,
+        }
         found, t = {}, self.probes[0].times
         for name, depths in self.depths.items():
             mine = [-probe.values[:, 1] for probe in self.probes if probe.field == name]
@@ -54,8 +66,9 @@ class ColumnWatch:
 
 @dataclass(frozen=True)
 class Scene:
-    """A scene that can be run with any cell and time step: ``cells`` (m) from coarse to fine, wave ``speed`` (m/s), the
-    time to run (s), how to make and watch it, and whether other settings are varied, too."""
+    """A scene that can be run with any cell and time step: ``cells`` (m) from coarse to fine, wave
+    ``speed`` (m/s), the time to run (s), how to make and watch it, and whether other settings are
+    varied, too."""
 
     cells: tuple[float, ...]
     speed: float
@@ -79,14 +92,31 @@ def _bar(name, method, cell, dt, per_cell, **options):
     bar = manufactured.BARS[name]
     if method.startswith("FE"):
         return manufactured.elements(bar, cell, dt, **options)
-    return manufactured.points(bar, MAPPING[method], cell, dt, per_cell, name == "random", **options)
+    return manufactured.points(
+        bar, MAPPING[method], cell, dt, per_cell, name == "random", **options
+    )
 
 
-SCENES = {f"column, {base}, {load / 1e3:g} kPa": Scene(
-    (0.5, 0.25, 0.125), 125.0, column.end, partial(_column, base, load),  # 126.5 m/s: even time steps
-    lambda run, base=base, load=load: ColumnWatch(run, base, load), (base, load) == ("fixed", column.small))
-    for load in (column.small, column.peak) for base in ("fixed", "viscous")}
-SCENES |= {f"bar, {name}": Scene(
-    tuple(manufactured.length / n for n in (10, 20, 40, 80)), bar.speed, bar.period, partial(_bar, name),
-    lambda run, bar=bar: manufactured.Watch(run, bar), name in ("standing", "moving"))
-    for name, bar in manufactured.BARS.items()}
+SCENES = {
+    f"column, {base}, {load / 1e3:g} kPa": Scene(
+        (0.5, 0.25, 0.125),
+        125.0,
+        column.end,
+        partial(_column, base, load),  # 126.5 m/s: even time steps
+        lambda run, base=base, load=load: ColumnWatch(run, base, load),
+        (base, load) == ("fixed", column.small),
+    )
+    for load in (column.small, column.peak)
+    for base in ("fixed", "viscous")
+}
+SCENES |= {
+    f"bar, {name}": Scene(
+        tuple(manufactured.length / n for n in (10, 20, 40, 80)),
+        bar.speed,
+        bar.period,
+        partial(_bar, name),
+        lambda run, bar=bar: manufactured.Watch(run, bar),
+        name in ("standing", "moving"),
+    )
+    for name, bar in manufactured.BARS.items()
+}

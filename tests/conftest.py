@@ -1,4 +1,5 @@
-"""Uneven grids off the origin, and hat functions on their grid lines; examples are the same every time."""
+"""Uneven grids off the origin, and hat functions on their grid lines; examples are the same every
+time."""
 
 import meshio
 import numpy as np
@@ -8,7 +9,8 @@ from hypothesis import settings
 
 import mpm_fenicsx
 
-# A run of the tests is the same every time; "make test ARGS=--hypothesis-profile=search" looks where none has looked.
+# A run of the tests is the same every time; "make test ARGS=--hypothesis-profile=search" looks
+# where none has looked.
 settings.register_profile("same", derandomize=True)
 settings.register_profile("search", derandomize=False)
 settings.load_profile("same")
@@ -31,7 +33,12 @@ def l_shape(tmp_path_factory):
     """Five uneven cells of an L, [0, 3] × [0, 2] less [1, 3] × [0.5, 2], read from a file."""
     x, y = np.meshgrid([0.0, 1.0, 1.6, 3.0], [0.0, 0.5, 1.5, 2.0])
     ring = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    cells = [[4 * (j + b) + i + a for a, b in ring] for j in range(3) for i in range(3) if i == 0 or j == 0]
+    cells = [
+        [4 * (j + b) + i + a for a, b in ring]
+        for j in range(3)
+        for i in range(3)
+        if i == 0 or j == 0
+    ]
     path = tmp_path_factory.mktemp("grids") / "l.vtu"
     meshio.write(path, meshio.Mesh(np.stack((x, y, 0 * x), -1).reshape(-1, 3), [("quad", cells)]))
     return mpm_fenicsx.Grid.read(path)

@@ -22,7 +22,9 @@ def uneven(dim: int) -> Grid:
 
 def random_body(grid: Grid, rng, inside=None, material=SOIL, jitter: float = 0.4) -> MaterialPoints:
     """Randomly placed points with random stress, velocity and acceleration."""
-    body = MaterialPoints.fill(grid, material, 2**grid.dim, inside=inside, jitter=jitter, seed=int(rng.integers(1000)))
+    body = MaterialPoints.fill(
+        grid, material, 2**grid.dim, inside=inside, jitter=jitter, seed=int(rng.integers(1000))
+    )
     body.stress[:] = 1e5 * rng.normal(size=body.stress.shape)
     body.velocity, body.acceleration = rng.normal(size=(2, *body.x.shape))
     return body
@@ -63,7 +65,8 @@ def at_nodes(grid: Grid, function) -> np.ndarray:
 
 
 def hats(grid: Grid, x: np.ndarray) -> np.ndarray:
-    """Bilinear (trilinear) shape functions (n, nodes) at x (n, dim), from the nodes' coordinates alone."""
+    """Bilinear (trilinear) shape functions (n, nodes) at x (n, dim), from the nodes' coordinates
+    alone."""
     nodes = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
     out = np.ones((len(x), len(nodes)))
     for d in range(grid.dim):
@@ -74,19 +77,25 @@ def hats(grid: Grid, x: np.ndarray) -> np.ndarray:
 
 
 def over_faces(grid: Grid, surface, values: np.ndarray) -> np.ndarray:
-    """Σ ∫ f N_i dA (nodes, columns) over a surface's faces (2D) with f A linear through ``values`` (n, columns) at
-    their Gauss points, piece by piece between all lines of the grid."""
+    """Σ ∫ f N_i dA (nodes, columns) over a surface's faces (2D) with f A linear through ``values``
+    (n, columns) at their Gauss points, piece by piece between all lines of the grid."""
     nodes, total = grid.space.tabulate_dof_coordinates()[:, :2], 0.0
     ξ, w = np.polynomial.legendre.leggauss(4)
-    for x, v in zip(surface.x.reshape(-1, 2, 2), values.reshape(len(surface) // 2, 2, -1), strict=True):
+    for x, v in zip(
+        surface.x.reshape(-1, 2, 2), values.reshape(len(surface) // 2, 2, -1), strict=True
+    ):
         centre, half = x.mean(axis=0), np.sqrt(0.75) * (x[1] - x[0])
         with np.errstate(divide="ignore", invalid="ignore"):
-            cuts = np.concatenate([(np.unique(nodes[:, d].round(12)) - centre[d]) / half[d] for d in range(2)])
+            cuts = np.concatenate(
+                [(np.unique(nodes[:, d].round(12)) - centre[d]) / half[d] for d in range(2)]
+            )
         ends = np.unique([-1.0, *cuts[np.abs(cuts) < 1.0], 1.0])
         middle, reach = (ends[1:] + ends[:-1]) / 2, np.diff(ends) / 2
         s = (middle[:, None] + np.outer(reach, ξ)).ravel()
         f = v.mean(axis=0) + np.sqrt(0.75) * s[:, None] * (v[1] - v[0])
-        total = total + hats(grid, centre + s[:, None] * half).T @ (np.outer(reach, w).reshape(-1, 1) * f)
+        total = total + hats(grid, centre + s[:, None] * half).T @ (
+            np.outer(reach, w).reshape(-1, 1) * f
+        )
     return total
 
 
@@ -113,6 +122,10 @@ def tiles(grid: Grid, rng, material=SOIL) -> MaterialPoints:
         width = rng.uniform(0.3, 0.9, 40) * h
         cuts = low + np.cumsum(width)
         lines.append(np.concatenate(([low], cuts[cuts < high - 0.1 * h], [high])))
-    centre = np.stack(np.meshgrid(*[(a[1:] + a[:-1]) / 2 for a in lines], indexing="ij"), -1).reshape(-1, grid.dim)
-    half = np.stack(np.meshgrid(*[np.diff(a) / 2 for a in lines], indexing="ij"), -1).reshape(-1, grid.dim)
+    centre = np.stack(
+        np.meshgrid(*[(a[1:] + a[:-1]) / 2 for a in lines], indexing="ij"), -1
+    ).reshape(-1, grid.dim)
+    half = np.stack(np.meshgrid(*[np.diff(a) / 2 for a in lines], indexing="ij"), -1).reshape(
+        -1, grid.dim
+    )
     return MaterialPoints(material, centre, half, (2 * half).prod(axis=1))

@@ -9,20 +9,27 @@ LINES = {
 
 
 class Hats:
-    """Products of hat functions on grid lines; dof i of the grid's space is the node at ``place[i]``."""
+    """Products of hat functions on grid lines; dof i of the grid's space is the node at
+    ``place[i]``."""
 
     def __init__(self, grid):
         self.lines = [np.array(line) for line in LINES[grid.dim]]
         node = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
-        self.place = np.array([np.abs(line - node[:, d, None]).argmin(axis=1) for d, line in enumerate(self.lines)]).T
+        self.place = np.array(
+            [np.abs(line - node[:, d, None]).argmin(axis=1) for d, line in enumerate(self.lines)]
+        ).T
         self.node = node
 
     def cell(self, d, x):
-        """Index of the interval of direction d that holds x: on a line the one above, at the end the last."""
-        return np.clip(np.searchsorted(self.lines[d], x, side="right") - 1, 0, len(self.lines[d]) - 2)
+        """Index of the interval of direction d that holds x: on a line the one above, at the end
+        the last."""
+        return np.clip(
+            np.searchsorted(self.lines[d], x, side="right") - 1, 0, len(self.lines[d]) - 2
+        )
 
     def box(self, x, half):
-        """Support domains [a, b]: no wider than the point's cell, no further than the cells beside it."""
+        """Support domains [a, b]: no wider than the point's cell, no further than the cells beside
+        it."""
         a, b = np.empty_like(x), np.empty_like(x)
         for d, line in enumerate(self.lines):
             c = self.cell(d, x[:, d])
@@ -37,11 +44,14 @@ class Hats:
         value = np.stack([np.interp(y, line, row) for row in np.eye(len(line))], -1)
         slope = np.zeros_like(value)
         for step, sign in ((0, -1.0), (1, 1.0)):
-            np.put_along_axis(slope, c[..., None] + step, (sign / (line[c + 1] - line[c]))[..., None], -1)
+            np.put_along_axis(
+                slope, c[..., None] + step, (sign / (line[c + 1] - line[c]))[..., None], -1
+            )
         return value, slope
 
     def sample(self, d, a, b):
-        """Weights (n, q), values and slopes (n, q, k) that average cubics over [a, b], piece by piece of the cells."""
+        """Weights (n, q), values and slopes (n, q, k) that average cubics over [a, b], piece by
+        piece of the cells."""
         edge = np.clip(self.lines[d], a[:, None], b[:, None])
         ξ, w = np.polynomial.legendre.leggauss(3)
         middle, reach = (edge[:, 1:] + edge[:, :-1]) / 2, np.diff(edge, axis=1) / 2
@@ -60,11 +70,15 @@ class Hats:
         """Means (n, nodes) of the shape functions, or of their derivative along a direction."""
         out = 1.0
         for d, (w, value, slope) in enumerate(self.samples(x, half)):
-            out = out * np.einsum("nq,nqk->nk", w, slope if d == along else value)[:, self.place[:, d]]
+            out = (
+                out
+                * np.einsum("nq,nqk->nk", w, slope if d == along else value)[:, self.place[:, d]]
+            )
         return out
 
     def pairs(self, x, half, weight, along_i=None, along_j=None):
-        """Σ_p weight_p ⟨N_i N_j⟩ (nodes, nodes), with derivatives if asked for: the mean of the product."""
+        """Σ_p weight_p ⟨N_i N_j⟩ (nodes, nodes), with derivatives if asked for: the mean of the
+        product."""
         out = 1.0
         for d, (w, value, slope) in enumerate(self.samples(x, half)):
             left, right = slope if d == along_i else value, slope if d == along_j else value

@@ -1,4 +1,5 @@
-"""Scenes that yield, for tests; as a script what several ranks compute: ``mpiexec -n 2 python plastic.py out``."""
+"""Scenes that yield, for tests; as a script what several ranks compute: ``mpiexec -n 2 python
+plastic.py out``."""
 
 from __future__ import annotations
 
@@ -41,7 +42,9 @@ def unrest(rng, stress: np.ndarray, history: np.ndarray, law=LAW) -> None:
     history[:] = rng.uniform(0.0, 0.05, history.shape)
     stress[:] = rng.normal(size=stress.shape)
     stress[:, :3] -= stress[:, :3].mean(axis=1, keepdims=True)
-    stress *= (rng.uniform(0.5, 1.0, len(stress)) * law.strength(history) / tensors.von_mises(stress))[:, None]
+    stress *= (
+        rng.uniform(0.5, 1.0, len(stress)) * law.strength(history) / tensors.von_mises(stress)
+    )[:, None]
     stress[:, :3] += rng.uniform(-2e4, 2e4, (len(stress), 1))
 
 
@@ -54,15 +57,19 @@ def run_of(kind, grid, stepping, terms, body=None, law=LAW, **keywords):
 
 
 def loads(grid, size=1.0):
-    """A fixed base, smooth walls, and ``size`` times 3 kPa of shear and 45 kPa of pressure, uneven along the top:
-    plastic flow is held in, so that statics has an answer."""
+    """A fixed base, smooth walls, and ``size`` times 3 kPa of shear and 45 kPa of pressure, uneven
+    along the top: plastic flow is held in, so that statics has an answer."""
     dim = grid.dim
     top = np.array([3e3, -45e3]) if dim == 2 else np.array([2e3, 2e3, -45e3])
     on, base = ("top", "bottom") if dim == 2 else ("front", "back")
     held = {"left": "x", "right": "x", "bottom": "y", "top": "y"}
     walls = [Fixed(grid.facets(side), held[side]) for side in list(held)[: 2 * dim - 2]]
-    return [*walls, Fixed(grid.facets(base)), Gravity((0.0,) * (dim - 1) + (-9.81,)),
-            Traction(grid.facets(on), lambda t, x: size * t * (0.6 + 0.8 * x[:, :1]) * top)]
+    return [
+        *walls,
+        Fixed(grid.facets(base)),
+        Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        Traction(grid.facets(on), lambda t, x: size * t * (0.6 + 0.8 * x[:, :1]) * top),
+    ]
 
 
 def static(kind, dim=2, steps=1, size=1.0, **keywords):
@@ -95,7 +102,7 @@ def residuals(run) -> list[float]:
     return found
 
 
-# -- several ranks ------------------------------------------------------------------------------------------------
+# -- several ranks ---------------------------------------------------------------------------------
 
 SEVERAL = ((None, 2), (None, 3), (GIMP, 2), (DM_GC, 2), (DM_GC, 3))
 
@@ -108,14 +115,18 @@ def rows_by_place(grid, field) -> dict:
 
 
 def gathered(dim) -> dict:
-    """How many ranks hold each cell: 1 from every holder, gathered at the owner; and whether ghosts know it."""
+    """How many ranks hold each cell: 1 from every holder, gathered at the owner; and whether ghosts
+    know it."""
     grid = ranks.grid_of(dim)
     field = GaussField(grid, 2)
     field.rows[:] = 1.0
     field.gather()
     mine = float(field.rows[: 2**dim * grid.owned_cells, 0].sum()) / 2**dim
-    return {"held": [mine], "cells": [float(grid.cells)], "volume": [float(
-        GaussPoints(grid).volume[: 2**dim * grid.owned_cells].sum())]}
+    return {
+        "held": [mine],
+        "cells": [float(grid.cells)],
+        "volume": [float(GaussPoints(grid).volume[: 2**dim * grid.owned_cells].sum())],
+    }
 
 
 def plastic_step(kind, dim) -> dict:
@@ -123,7 +134,11 @@ def plastic_step(kind, dim) -> dict:
     grid = ranks.grid_of(dim)
     law = VonMises(ELASTIC, peak=10e3, residual=4e3, softening=50e3)
     pull = np.array([15e3, 9e3, 9e3])[:dim]
-    terms = [Fixed(grid.facets("bottom")), Gravity((0.0,) * (dim - 1) + (-9.81,)), Traction(grid.facets("left"), pull)]
+    terms = [
+        Fixed(grid.facets("bottom")),
+        Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        Traction(grid.facets("left"), pull),
+    ]
     if kind is None:
         run = FiniteElements(grid, law, Newmark(0.02), terms, newton=STIFFLY)
     else:
@@ -131,8 +146,16 @@ def plastic_step(kind, dim) -> dict:
         elastic.stress *= 0.1
         body = MaterialPoints(law, elastic.x, elastic.half, elastic.volume, stress=elastic.stress)
         # random stress is out of balance: a start that knows it throws points out of the grid
-        run = Simulation(grid, body, Newmark(5e-3), terms, kind, newton=Newton(tolerance=1e-9),
-                         solver={"ksp_rtol": 1e-13}, initial_acceleration=InitialAcceleration.ZERO)
+        run = Simulation(
+            grid,
+            body,
+            Newmark(5e-3),
+            terms,
+            kind,
+            newton=Newton(tolerance=1e-9),
+            solver={"ksp_rtol": 1e-13},
+            initial_acceleration=InitialAcceleration.ZERO,
+        )
     solves = []
     for _ in range(2):
         run.step()
@@ -141,8 +164,12 @@ def plastic_step(kind, dim) -> dict:
     if kind is None:
         out["stress"] = rows_by_place(grid, run.yielding.stress)
     else:
-        out["points"] = {str(n): [*x, *(1e-6 * s), 10 * k] for n, x, s, k in
-                         zip(number, body.x.tolist(), body.stress, body.history[:, 0], strict=True)}
+        out["points"] = {
+            str(n): [*x, *(1e-6 * s), 10 * k]
+            for n, x, s, k in zip(
+                number, body.x.tolist(), body.stress, body.history[:, 0], strict=True
+            )
+        }
         out["tangent"] = rows_by_place(grid, run.yielding.tangent) if kind is DM_GC else {}
     return out
 
@@ -151,7 +178,9 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
     """All of it, on rank 0."""
     cases = {f"{kind or 'FE'} {dim}D": plastic_step(kind, dim) for kind, dim in SEVERAL}
     for dim in (2, 3):
-        cases[f"gather {dim}D"] = {name: {str(comm.rank): rows} for name, rows in gathered(dim).items()}
+        cases[f"gather {dim}D"] = {
+            name: {str(comm.rank): rows} for name, rows in gathered(dim).items()
+        }
     whole: dict = {}
     for part in comm.gather(cases) or []:
         for case, quantities in part.items():

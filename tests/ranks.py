@@ -1,6 +1,8 @@
-"""What one rank or several compute for the same scene, as JSON keyed by place: ``mpiexec -n 2 python ranks.py out``.
+"""What one rank or several compute for the same scene, as JSON keyed by place: ``mpiexec -n 2
+python ranks.py out``.
 
-Keys are coordinates of nodes, cells' centres and points' numbers, so that results compare across partitions.
+Keys are coordinates of nodes, cells' centres and points' numbers, so that results compare across
+partitions.
 """
 
 from __future__ import annotations
@@ -64,12 +66,19 @@ def nodal(grid: Grid, values: np.ndarray) -> dict:
 
 
 def grid_of(dim: int) -> Grid:
-    lines = [np.array([0, 0.3, 0.8, 1.0, 1.5, 1.7, 2.0]), np.array([0, 0.4, 0.7, 1.1, 1.4]), np.array([0, 0.5, 1.2])]
+    lines = [
+        np.array([0, 0.3, 0.8, 1.0, 1.5, 1.7, 2.0]),
+        np.array([0, 0.4, 0.7, 1.1, 1.4]),
+        np.array([0, 0.5, 1.2]),
+    ]
     return Grid.rectilinear(lines[:dim])
 
 
-def body_of(grid: Grid, part: Callable = lambda x: x[:, 0] < np.inf) -> tuple[MaterialPoints, np.ndarray]:
-    """Random points, the same on any number of ranks, and their numbers; the top right corner is empty.
+def body_of(
+    grid: Grid, part: Callable = lambda x: x[:, 0] < np.inf
+) -> tuple[MaterialPoints, np.ndarray]:
+    """Random points, the same on any number of ranks, and their numbers; the top right corner is
+    empty.
 
     ``part`` maps x (n, dim) to bool (n,) and keeps some.
     """
@@ -91,18 +100,24 @@ def body_of(grid: Grid, part: Callable = lambda x: x[:, 0] < np.inf) -> tuple[Ma
 def markers_of(grid: Grid) -> SurfacePoints:
     """Random surface points of the cells of this rank."""
     rng = np.random.default_rng(4)
-    x = grid.lower_corner + rng.uniform(0.05, 0.3, (12, grid.dim)) * (grid.upper_corner - grid.lower_corner)
+    x = grid.lower_corner + rng.uniform(0.05, 0.3, (12, grid.dim)) * (
+        grid.upper_corner - grid.lower_corner
+    )
     normal = rng.normal(size=x.shape)
     cell = grid.find(x)
     here = (cell >= 0) & (cell < grid.owned_cells)
-    return SurfacePoints(x[here], (normal / np.linalg.norm(normal, axis=1)[:, None])[here], np.full(here.sum(), 0.1))
+    return SurfacePoints(
+        x[here], (normal / np.linalg.norm(normal, axis=1)[:, None])[here], np.full(here.sum(), 0.1)
+    )
 
 
 def action(grid: Grid, A) -> dict:
     """The matrix on a smooth vector."""
     f = fem.Function(grid.space)
     x = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
-    f.x.array[:] = np.stack([np.sin(3 * x @ np.arange(1, grid.dim + 1) + d) for d in range(grid.dim)], 1).ravel()
+    f.x.array[:] = np.stack(
+        [np.sin(3 * x @ np.arange(1, grid.dim + 1) + d) for d in range(grid.dim)], 1
+    ).ravel()
     own = grid.space.dofmap.index_map.size_local * grid.dim
     into, out = A.createVecRight(), A.createVecLeft()
     into.array[:] = f.x.array[:own]
@@ -127,8 +142,12 @@ def still(dim: int, mapping) -> dict:
     """One step: fields, matrix, right-hand side."""
     grid = grid_of(dim)
     body, _ = body_of(grid)
-    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Traction(grid.facets("left"), (1e3, *(2e3,) * (dim - 1))),
-             Viscoelastic(grid.facets("bottom"), SOIL, 3.0), Viscoelastic(markers_of(grid), SOIL, 2.0)]
+    terms = [
+        Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        Traction(grid.facets("left"), (1e3, *(2e3,) * (dim - 1))),
+        Viscoelastic(grid.facets("bottom"), SOIL, 3.0),
+        Viscoelastic(markers_of(grid), SOIL, 2.0),
+    ]
     run = Simulation(grid, body, Newmark(1e-4), terms, mapping)
     run.locate()
     run.project()
@@ -165,8 +184,13 @@ def moving(dim: int, mapping, b_bar: bool = False, more: tuple = ()) -> dict:
     """A few steps, with ``more`` terms."""
     grid = grid_of(dim)
     body, number = body_of(grid)
-    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets("left", "right"), "x"),
-             Viscoelastic(grid.facets("bottom"), SOIL, 3.0), Viscoelastic(markers_of(grid), SOIL, 2.0), *more]
+    terms = [
+        Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        Fixed(grid.facets("left", "right"), "x"),
+        Viscoelastic(grid.facets("bottom"), SOIL, 3.0),
+        Viscoelastic(markers_of(grid), SOIL, 2.0),
+        *more,
+    ]
     run = Simulation(grid, body, Newmark(1e-4), terms, mapping, solver=EXACT, b_bar=b_bar)
     for _ in range(4):
         run.step()
@@ -187,8 +211,13 @@ def settled(dim: int, mapping) -> dict:
     run.step()
     left = run.settle(1e-5)  # a few steps
     own = grid.space.dofmap.index_map.size_local
-    weight, borne = (grid.comm.allreduce(value) for value in (
-        9.81 * body.mass.sum(), run.balance()[0].reshape(-1, dim)[:own].sum(axis=0)[-1]))
+    weight, borne = (
+        grid.comm.allreduce(value)
+        for value in (
+            9.81 * body.mass.sum(),
+            run.balance()[0].reshape(-1, dim)[:own].sum(axis=0)[-1],
+        )
+    )
     assert left <= 1e-5 and abs(borne / weight - 1) < 1e-4 and run.holding.ties.P is not None
     free = Simulation(grid, body, QuasiStatic(1), terms[:1], mapping)
     try:
@@ -197,8 +226,10 @@ def settled(dim: int, mapping) -> dict:
     except ValueError as error:
         heard = int("nothing keeps the body from moving along x and y" in str(error))
     rows = np.hstack((body.x, 1e-6 * body.stress))
-    return {"points": {key(x): row.tolist() for x, row in zip(start, rows, strict=True)},
-            "refused": {"": [grid.comm.allreduce(heard) / grid.comm.size]}}
+    return {
+        "points": {key(x): row.tolist() for x, row in zip(start, rows, strict=True)},
+        "refused": {"": [grid.comm.allreduce(heard) / grid.comm.size]},
+    }
 
 
 def rows_of(body: MaterialPoints) -> np.ndarray:
@@ -214,8 +245,13 @@ def of_two_bodies(dim: int, mapping) -> dict:
     run = Simulation(grid, [body for body, _ in both], Newmark(1e-4), terms, mapping, solver=EXACT)
     for _ in range(3):
         run.step()
-    return {"points": {str(n): row.tolist() for body, number in both
-                       for n, row in zip(number, rows_of(body), strict=True)}}
+    return {
+        "points": {
+            str(n): row.tolist()
+            for body, number in both
+            for n, row in zip(number, rows_of(body), strict=True)
+        }
+    }
 
 
 def jittered(dim: int) -> dict:
@@ -225,30 +261,43 @@ def jittered(dim: int) -> dict:
 
 
 def faces_by_hand(grid: Grid) -> SurfacePoints:
-    """All of a surface, on each rank: faces along the bottom, some of them across grid lines or in the corner of four
-    cells, whose Gauss points lie in the cells of several ranks."""
+    """All of a surface, on each rank: faces along the bottom, some of them across grid lines or in
+    the corner of four cells, whose Gauss points lie in the cells of several ranks."""
     dim, rng = grid.dim, np.random.default_rng(6)
-    on_lines = np.array([[0.3, 0.4, 0.5], [0.8, 0.4, 0.5], [1.0, 0.7, 0.5], [1.5, 0.4, 0.5], [0.8, 0.2, 0.5]])
+    on_lines = np.array(
+        [[0.3, 0.4, 0.5], [0.8, 0.4, 0.5], [1.0, 0.7, 0.5], [1.5, 0.4, 0.5], [0.8, 0.2, 0.5]]
+    )
     centre = np.concatenate((on_lines, rng.uniform(0.15, 0.6, (9, 3)) * [2.2, 1.0, 1.2]))[:, :dim]
     normal = np.zeros_like(centre)
     normal[:, 1] = -1.0
     half = 0.11 * np.ones(dim)
     half[1] = 0.0
-    sign = np.insert(2.0 * np.array(list(np.ndindex((2,) * (dim - 1))))[:, ::-1] - 1.0, 1, 0.0, axis=1)
+    sign = np.insert(
+        2.0 * np.array(list(np.ndindex((2,) * (dim - 1))))[:, ::-1] - 1.0, 1, 0.0, axis=1
+    )
     x = centre[:, None] + sign * half / np.sqrt(3.0)
     k = len(sign)
-    return SurfacePoints(x.reshape(-1, dim), np.repeat(normal, k, axis=0), np.full(k * len(centre), 0.1), per_face=k)
+    return SurfacePoints(
+        x.reshape(-1, dim), np.repeat(normal, k, axis=0), np.full(k * len(centre), 0.1), per_face=k
+    )
 
 
 def surfaces_by_hand(dim: int) -> dict:
-    """Surfaces that each rank is given whole, with loads row by row, in two runs one after the other."""
+    """Surfaces that each rank is given whole, with loads row by row, in two runs one after the
+    other."""
     grid, rng = grid_of(dim), np.random.default_rng(8)
     body, number = body_of(grid)
-    x = grid.lower_corner + rng.uniform(0.05, 0.6, (14, dim)) * (grid.upper_corner - grid.lower_corner)
-    x[:4] = np.array([[0.3, 0.4, 0.5], [0.8, 0.7, 0.5], [1.0, 0.4, 0.2], [0.8, 0.2, 0.5]])[:, :dim]  # on grid lines
+    x = grid.lower_corner + rng.uniform(0.05, 0.6, (14, dim)) * (
+        grid.upper_corner - grid.lower_corner
+    )
+    x[:4] = np.array([[0.3, 0.4, 0.5], [0.8, 0.7, 0.5], [1.0, 0.4, 0.2], [0.8, 0.2, 0.5]])[
+        :, :dim
+    ]  # on grid lines
     x[5] = x[4]  # given twice: acts twice
     normal = rng.normal(size=x.shape)
-    points = SurfacePoints(x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.2, len(x)))
+    points = SurfacePoints(
+        x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.2, len(x))
+    )
     faces = faces_by_hand(grid)
     loads = [1e4 * rng.normal(size=s.x.shape) for s in (points, faces)]
     for _ in range(2):
@@ -264,29 +313,53 @@ def surfaces_by_hand(dim: int) -> dict:
         at = np.arange(len(s)) if s.number is None else s.number
         out[name] = {str(n): row.tolist() for n, row in zip(at, rows, strict=True)}
     if dim == 2:
-        out["springs"] = {str(n): row.tolist() for n, row in zip(at, faces.displacement, strict=True)}
+        out["springs"] = {
+            str(n): row.tolist() for n, row in zip(at, faces.displacement, strict=True)
+        }
     return out
 
 
 def lacking(cells: tuple[int, ...], material, stepping, mapping, end: float, folder: Path) -> dict:
-    """A body that ends at ``end`` of the grid's length: a rank may hold none of it, or not even a cell."""
+    """A body that ends at ``end`` of the grid's length: a rank may hold none of it, or not even a
+    cell."""
     dim = len(cells)
     grid = Grid.box((0.0,) * dim, tuple(map(float, cells)), cells)
-    body = MaterialPoints.fill(grid, material, 2**dim, lambda x: (x[0] < end) & (x[1] < cells[1] - 0.25))
+    body = MaterialPoints.fill(
+        grid, material, 2**dim, lambda x: (x[0] < end) & (x[1] < cells[1] - 0.25)
+    )
     across, dynamic, whole = (0.0,) * (dim - 2), stepping.dynamic, (material, dim) == (SOIL, 2)
-    terms = [Gravity((0.0, -9.81, *across)), Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom")),
-             Traction(body.surface("top"), (0.0, -1e3, *across))]
+    terms = [
+        Gravity((0.0, -9.81, *across)),
+        Fixed(grid.facets("left"), "x"),
+        Fixed(grid.facets("bottom")),
+        Traction(body.surface("top"), (0.0, -1e3, *across)),
+    ]
     terms += [Viscoelastic(body.surface("right"), SOIL, 3.0), GhostPenalty()] if whole else []
-    run = Simulation(grid, body, stepping, terms, mapping, newton=Newton(1e-12), solver=EXACT if dynamic else None)
-    energy, probe = run.record(Energy()) if whole else None, run.record(Probe("stress", (0.5,) * dim))
+    run = Simulation(
+        grid,
+        body,
+        stepping,
+        terms,
+        mapping,
+        newton=Newton(1e-12),
+        solver=EXACT if dynamic else None,
+    )
+    energy, probe = (
+        run.record(Energy()) if whole else None,
+        run.record(Probe("stress", (0.5,) * dim)),
+    )
     run.record(Snapshots(folder / "shot"))
     run.record(Checkpoint(folder / "check"))
     for _ in range(2):
         run.step()
     run.restart(folder / "check")
     rows = np.hstack((body.x, 1e-6 * body.stress))
-    out = {"points": {key(at): row.tolist() for at, row in zip(np.round(body.x, 2), rows, strict=True)},
-           "probe": {"": probe.values[-1].tolist()}}
+    out = {
+        "points": {
+            key(at): row.tolist() for at, row in zip(np.round(body.x, 2), rows, strict=True)
+        },
+        "probe": {"": probe.values[-1].tolist()},
+    }
     if whole:
         out["energy"] = {"": energy.values[-1].tolist()}
     if not dynamic:
@@ -298,8 +371,12 @@ def twin(dim: int, stepping, b_bar: bool = False, grid: Grid | None = None, mate
     """Finite elements."""
     grid = grid or grid_of(dim)
     across, up = (0.0,) * (dim - 1), "xyz"[dim - 1]
-    terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom" if dim == 2 else "back"), up),
-             Traction(grid.facets("right"), lambda t, x: 1e3 * x + t), Gravity((*across, -9.81))]
+    terms = [
+        Fixed(grid.facets("left"), "x"),
+        Fixed(grid.facets("bottom" if dim == 2 else "back"), up),
+        Traction(grid.facets("right"), lambda t, x: 1e3 * x + t),
+        Gravity((*across, -9.81)),
+    ]
     if stepping.dynamic:
         terms.append(Viscoelastic(grid.facets("top"), SOIL, 3.0))
     elif dim == 3:
@@ -315,16 +392,23 @@ def layers(dim: int, finite: bool) -> dict:
     grid = grid_of(dim)
     elastic = Hencky(20e6, 0.25, 1500.0) if finite else LinearElastic(20e6, 0.25, 1500.0)
     scaled = VonMises(elastic, 12e3, 6e3, 40e3, length=0.5)
-    parts = ((VonMises(elastic, 10e3, 4e3, 50e3), lambda x: x[0] < 0.8),
-             (SOIL, lambda x: (x[0] > 0.8) & (x[0] < 1.5)), (scaled, lambda x: x[0] > 1.5))
+    parts = (
+        (VonMises(elastic, 10e3, 4e3, 50e3), lambda x: x[0] < 0.8),
+        (SOIL, lambda x: (x[0] > 0.8) & (x[0] < 1.5)),
+        (scaled, lambda x: x[0] > 1.5),
+    )
     bodies = [MaterialPoints.fill(grid, law, 2**dim, inside) for law, inside in parts]
     pull = np.array([15e3, 9e3, 9e3])[:dim]
-    terms = [Viscoelastic(grid.facets("bottom"), SOIL, 3.0), Gravity((0.0,) * (dim - 1) + (-9.81,)),
-             Traction(grid.facets("left", "right"), pull)]
+    terms = [
+        Viscoelastic(grid.facets("bottom"), SOIL, 3.0),
+        Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        Traction(grid.facets("left", "right"), pull),
+    ]
     start = None
     for _ in range(2):
-        run = FiniteElements(grid, bodies, Newmark(0.02), terms, newton=Newton(tolerance=1e-11),
-                             start=start)
+        run = FiniteElements(
+            grid, bodies, Newmark(0.02), terms, newton=Newton(tolerance=1e-11), start=start
+        )
         energy = run.record(Energy())
         run.step()
         run.step()
@@ -333,10 +417,12 @@ def layers(dim: int, finite: bool) -> dict:
     own = range(grid.owned_cells)
     stress, κ = run.stress(np.arange(grid.cells)), run.yielding.history.reshape(grid.cells, -1)
     assert grid.comm.allreduce(float(κ.max())) > 1e-5
-    return {"displacement": nodal(grid, run.motion.nodal(run.displacement)),
-            "stress": {key(centre[c]): stress[c].tolist() for c in own},
-            "history": {key(centre[c]): sorted(κ[c].tolist()) for c in own},
-            "energy": {"": energy.values[-1].tolist()}}
+    return {
+        "displacement": nodal(grid, run.motion.nodal(run.displacement)),
+        "stress": {key(centre[c]): stress[c].tolist() for c in own},
+        "history": {key(centre[c]): sorted(κ[c].tolist()) for c in own},
+        "energy": {"": energy.values[-1].tolist()},
+    }
 
 
 def refusals(comm: MPI.Comm) -> dict:
@@ -384,8 +470,12 @@ def refusals(comm: MPI.Comm) -> dict:
     x = np.array([[0.5, 0.5], [1.2, 0.5], [0.5, 1.7]])
     heard = 0
     try:
-        Simulation(grid, body_of(grid)[0], Newmark(1e-4), [
-            Traction(SurfacePoints(x, np.tile((0.0, 1.0), (3, 1)), np.ones(3)), (0.0, 1.0))])
+        Simulation(
+            grid,
+            body_of(grid)[0],
+            Newmark(1e-4),
+            [Traction(SurfacePoints(x, np.tile((0.0, 1.0), (3, 1)), np.ones(3)), (0.0, 1.0))],
+        )
     except ValueError as error:
         heard = int("surface point 2" in str(error))
     out["surface outside"] = {"": [comm.allreduce(heard) / comm.size]}
@@ -411,7 +501,13 @@ def options(comm: MPI.Comm) -> dict:
     found["blocks"] = {"": [float(inner == "icc")]}
     if comm.size == 1:
         return {**found, "factor": {"": [1.0]}}
-    run = FiniteElements(grid, SOIL, QuasiStatic(1), [Fixed(grid.facets("bottom"))], solver={"mat_mumps_icntl_14": 77})
+    run = FiniteElements(
+        grid,
+        SOIL,
+        QuasiStatic(1),
+        [Fixed(grid.facets("bottom"))],
+        solver={"mat_mumps_icntl_14": 77},
+    )
     run.step()
     factor = run.equilibrium.ksp.getPC().getFactorMatrix()
     return {**found, "factor": {"": [float(factor.getMumpsIcntl(14) == 77)]}}
@@ -434,8 +530,14 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
         "one cell in 3D": ((1, 1, 1), SOIL, dynamic, DM_GCL, 0.6),
     }.items():
         cases[name] = lacking(*case, folder)
-    for name, material in (("one cell", SOIL), ("one cell, Hencky", FINITE), ("one cell, von Mises", CLAY)):
-        cases[f"twin, {name}"] = twin(2, dynamic, grid=Grid.box((0, 0), (1, 1), (1, 1)), material=material)
+    for name, material in (
+        ("one cell", SOIL),
+        ("one cell, Hencky", FINITE),
+        ("one cell, von Mises", CLAY),
+    ):
+        cases[f"twin, {name}"] = twin(
+            2, dynamic, grid=Grid.box((0, 0), (1, 1), (1, 1)), material=material
+        )
     for dim in (2, 3):
         for mapping in (MPM, GIMP, DM_GC):
             cases[f"still {dim}D {mapping}"] = still(dim, mapping)

@@ -1,4 +1,5 @@
-"""Bodies that are no rectangles on grid lines, at rest under gravity, and then released onto dashpots."""
+"""Bodies that are no rectangles on grid lines, at rest under gravity, and then released onto
+dashpots."""
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from mpm_fenicsx import (
 
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 WEAK, WEAK_BLOCK = (VonMises(SOIL, peak, 2 / 3 * peak, softening=20e3) for peak in (6e3, 12e3))
-"""2 m of soil yield at the foot; a block with free sides, which of the first collapses, of the second."""
+"""2 m of soil yield at the foot; a block with free sides, which of the first collapses, of the
+second."""
 G, H, CELLS = 9.81, 0.25, 8
 HEIGHT = CELLS * H
 SPEED = G * HEIGHT / SOIL.p_speed  # of a wave that takes all the weight off the base
@@ -30,9 +32,11 @@ BODIES = {  # what is inside, in cells; cells across; and walls
 
 
 class AtRest:
-    """A body of ``BODIES`` whose grid's lines, but for those of base and walls, lie ``offset`` of a cell aside.
+    """A body of ``BODIES`` whose grid's lines, but for those of base and walls, lie ``offset`` of a
+    cell aside.
 
-    ``base``: the components that are fixed there, all by default.  In 3D it is two cells deep between rollers.
+    ``base``: the components that are fixed there, all by default.  In 3D it is two cells deep
+    between rollers.
     """
 
     def __init__(self, name, offset, mapping, soil=SOIL, base=None, dim=2):
@@ -40,17 +44,28 @@ class AtRest:
         self.mapping, self.soil, self.offset, self.dim = mapping, soil, offset, dim
         upper = [self.across * H, HEIGHT, 2 * H][:dim]
         place = Grid.box([0] * dim, upper, [self.across, CELLS, 2][:dim])
-        self.body = MaterialPoints.fill(place, soil, 2**dim, inside=lambda x: shape(x[0] / H, x[1] / H))
+        self.body = MaterialPoints.fill(
+            place, soil, 2**dim, inside=lambda x: shape(x[0] / H, x[1] / H)
+        )
         grid = self.grid(0)
         self.supports = {"bottom": base, **dict.fromkeys(self.walls, "x")}
-        self.static = Simulation(grid, self.body, QuasiStatic(1), [
-            Gravity((0.0, -G, 0.0)[:dim]), *self.rollers(grid),
-            *(Fixed(grid.facets(side), axes) for side, axes in self.supports.items())], mapping)
+        self.static = Simulation(
+            grid,
+            self.body,
+            QuasiStatic(1),
+            [
+                Gravity((0.0, -G, 0.0)[:dim]),
+                *self.rollers(grid),
+                *(Fixed(grid.facets(side), axes) for side, axes in self.supports.items()),
+            ],
+            mapping,
+        )
         self.static.step()
         self.left = self.static.settle()
 
     def grid(self, room):
-        """Lines of the grid; with ``room`` there are so many cells more below and beside the walls."""
+        """Lines of the grid; with ``room`` there are so many cells more below and beside the
+        walls."""
         n, lines = self.across, []
         for count, wall in ((n, "right" in self.walls), (CELLS, False)):
             inner = (np.arange(1, count + (0 if wall else 2)) + self.offset) * H
@@ -68,15 +83,28 @@ class AtRest:
         surfaces = [self.body.surface("bottom", where=lambda x: x[1] < 1e-6 * H)]
         for wall in self.walls:
             at = 0.0 if wall == "left" else self.across * H
-            surfaces.append(self.body.surface(wall, where=lambda x, at=at: np.abs(x[0] - at) < 1e-6 * H))
+            surfaces.append(
+                self.body.surface(wall, where=lambda x, at=at: np.abs(x[0] - at) < 1e-6 * H)
+            )
         carried = self.static.reactions(*surfaces)
         grid = self.grid(3)
-        return Simulation(grid, self.body, Newmark(dt), [
-            Gravity((0.0, -G, 0.0)[: self.dim]), *carried, *(Viscous(on, SOIL) for on in surfaces),
-            *self.rollers(grid)], self.mapping, **options)
+        return Simulation(
+            grid,
+            self.body,
+            Newmark(dt),
+            [
+                Gravity((0.0, -G, 0.0)[: self.dim]),
+                *carried,
+                *(Viscous(on, SOIL) for on in surfaces),
+                *self.rollers(grid),
+            ],
+            self.mapping,
+            **options,
+        )
 
     def borne(self):
-        """What the base bears of the weight, and both walls together of what is pushed against them."""
+        """What the base bears of the weight, and both walls together of what is pushed against
+        them."""
         force = self.static.balance()[0].reshape(-1, self.dim).sum(axis=0)
         return force / (G * self.body.mass.sum())
 

@@ -1,4 +1,5 @@
-"""Scenes of finite strain, for tests; as a script what ranks compute: ``mpiexec -n 2 python stretched.py out``."""
+"""Scenes of finite strain, for tests; as a script what ranks compute: ``mpiexec -n 2 python
+stretched.py out``."""
 
 from __future__ import annotations
 
@@ -19,16 +20,26 @@ SEVERAL = ((None, 2), (GIMP, 2), (DM_GC, 2), (DM_GC, 3))
 
 
 def two_steps(kind, dim) -> dict:
-    """Two steps of 5 ms of random points, or of finite elements, under loads that strain them by some per cent."""
+    """Two steps of 5 ms of random points, or of finite elements, under loads that strain them by
+    some per cent."""
     grid = ranks.grid_of(dim)
     terms = [*plastic.loads(grid, 30.0)]
     if kind is None:
-        run = plastic.run_of(None, grid, Newmark(5e-3), terms, law=LAW, newton=Newton(tolerance=1e-10))
+        run = plastic.run_of(
+            None, grid, Newmark(5e-3), terms, law=LAW, newton=Newton(tolerance=1e-10)
+        )
     else:
         elastic, number = ranks.body_of(grid)
         body = MaterialPoints(LAW, elastic.x, elastic.half, elastic.volume, stress=elastic.stress)
-        run = Simulation(grid, body, Newmark(5e-3), terms, kind, newton=Newton(tolerance=1e-10),
-                         solver={"ksp_rtol": 1e-13})
+        run = Simulation(
+            grid,
+            body,
+            Newmark(5e-3),
+            terms,
+            kind,
+            newton=Newton(tolerance=1e-10),
+            solver={"ksp_rtol": 1e-13},
+        )
     for _ in range(2):
         run.step()
     out = {"increment": ranks.nodal(grid, run.motion.nodal(run.motion.u))}
@@ -37,15 +48,19 @@ def two_steps(kind, dim) -> dict:
         centre = 0.5 * (grid.lattice.lower + grid.lattice.upper)
         out["stress"] = {ranks.key(centre[c]): rows[c].tolist() for c in range(grid.owned_cells)}
     else:
-        out["points"] = {str(n): [*x, *(1e-6 * s), *h] for n, x, s, h in
-                         zip(number, body.x.tolist(), body.stress, body.history, strict=True)}
+        out["points"] = {
+            str(n): [*x, *(1e-6 * s), *h]
+            for n, x, s, h in zip(number, body.x.tolist(), body.stress, body.history, strict=True)
+        }
     return out
 
 
 def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
     """All of it, on rank 0."""
     whole: dict = {}
-    for part in comm.gather({f"{kind or 'FE'} {dim}D": two_steps(kind, dim) for kind, dim in SEVERAL}) or []:
+    for part in (
+        comm.gather({f"{kind or 'FE'} {dim}D": two_steps(kind, dim) for kind, dim in SEVERAL}) or []
+    ):
         for case, quantities in part.items():
             for quantity, rows in quantities.items():
                 whole.setdefault(case, {}).setdefault(quantity, {}).update(rows)

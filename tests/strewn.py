@@ -1,7 +1,8 @@
-"""Grids, points and support domains of any kind for hypothesis, and the same seen from other frames.
+"""Grids, points and support domains of any kind for hypothesis, and the same seen from other
+frames.
 
-Grids are rectilinear with lines at multiples of 2⁻⁵ m; points lie anywhere in them, on lines, nodes, edges and corners
-too, and support domains are of any size.
+Grids are rectilinear with lines at multiples of 2⁻⁵ m; points lie anywhere in them, on lines,
+nodes, edges and corners too, and support domains are of any size.
 """
 
 from __future__ import annotations
@@ -28,7 +29,8 @@ def lines_of(draw, dim):
 
 
 def grid_of(lines):
-    """A grid on these lines.  MPICH aborts without a word once some 300 are alive, which tests that fail hold on to."""
+    """A grid on these lines.  MPICH aborts without a word once some 300 are alive, which tests that
+    fail hold on to."""
     if next(MADE) % 100 == 0:
         gc.collect()
     return Grid.rectilinear(lines)
@@ -36,7 +38,8 @@ def grid_of(lines):
 
 @st.composite
 def strewn(draw, lines, least=0.0):
-    """Points x (n, dim) on lines or between, and half support domains (n, dim), m, to far beyond half a cell."""
+    """Points x (n, dim) on lines or between, and half support domains (n, dim), m, to far beyond
+    half a cell."""
     place = [st.one_of(st.sampled_from(list(line)), st.floats(line[0], line[-1])) for line in lines]
     size = st.one_of(st.just(least), st.floats(least, 0.3), st.floats(least, 6.0))
     n = draw(st.integers(1, 6))
@@ -46,8 +49,8 @@ def strewn(draw, lines, least=0.0):
 
 
 def domains(lines, x, half):
-    """Ends [a, b] of the support domains: no wider than the point's cell, on a line the one above, and cut off at the
-    ends of the cells beside it, or of the grid."""
+    """Ends [a, b] of the support domains: no wider than the point's cell, on a line the one above,
+    and cut off at the ends of the cells beside it, or of the grid."""
     a, b = np.empty_like(x), np.empty_like(x)
     for d, line in enumerate(lines):
         c = np.clip(np.searchsorted(line, x[:, d], side="right") - 1, 0, len(line) - 2)
@@ -72,14 +75,19 @@ def strewn_body(draw, lines, rng):
 
 
 def scene(dim, law, rng, on_lines):
-    """Grid lines, a body and gravity at random: cells with 2^dim points, some with a few more, and empty ones.
+    """Grid lines, a body and gravity at random: cells with 2^dim points, some with a few more, and
+    empty ones.
 
-    Points keep off the lines by 2 % of a cell, as the cell above a line is another one in a mirror; if ``on_lines``,
-    some are on them and all coordinates are multiples of 2⁻²⁰ m, which a translation by multiples of 2⁻⁵ does not
-    round.  A cell with few points would leave the matrix singular.
+    Points keep off the lines by 2 % of a cell, as the cell above a line is another one in a mirror;
+    if ``on_lines``, some are on them and all coordinates are multiples of 2⁻²⁰ m, which a
+    translation by multiples of 2⁻⁵ does not round.  A cell with few points would leave the matrix
+    singular.
     """
-    lines = [(rng.integers(-100, 100) + np.cumsum([0, *rng.integers(8, 41, rng.integers(1, 6 - dim))])) / 32.0
-             for _ in range(dim)]
+    lines = [
+        (rng.integers(-100, 100) + np.cumsum([0, *rng.integers(8, 41, rng.integers(1, 6 - dim))]))
+        / 32.0
+        for _ in range(dim)
+    ]
     grid = grid_of(lines)
     low, h = grid.lattice.lower, grid.lattice.upper - grid.lattice.lower
     full = np.union1d(np.flatnonzero(rng.random(grid.cells) < 0.6), rng.integers(grid.cells))
@@ -89,8 +97,12 @@ def scene(dim, law, rng, on_lines):
     share = rng.uniform(0.02, 0.98, (6, dim))
     if on_lines:
         share = np.where(rng.random(share.shape) < 0.4, rng.integers(2, size=share.shape), share)
-    x = np.vstack(((low[full, None] + place * h[full, None]).reshape(-1, dim), low[more] + share * h[more]))
-    half = np.vstack((np.repeat(h[full] / 4, len(even), axis=0), h[more] * rng.uniform(0.01, 1.0, share.shape)))
+    x = np.vstack(
+        ((low[full, None] + place * h[full, None]).reshape(-1, dim), low[more] + share * h[more])
+    )
+    half = np.vstack(
+        (np.repeat(h[full] / 4, len(even), axis=0), h[more] * rng.uniform(0.01, 1.0, share.shape))
+    )
     keep = np.isin(grid.find(x), full)
     x, half = np.round(x[keep] * 2**20) / 2**20, np.ceil(half[keep] * 2**20) / 2**20
     body = MaterialPoints(law, x, half, (2 * half).prod(axis=1))
@@ -99,7 +111,7 @@ def scene(dim, law, rng, on_lines):
     return lines, body, 100.0 * rng.normal(size=dim)
 
 
-# -- other frames ------------------------------------------------------------------------------------------------------
+# -- other frames ----------------------------------------------------------------------------------
 
 
 def full(stress):
@@ -116,10 +128,20 @@ def turned_stress(stress, Q):
     R, dim = np.eye(3), len(Q)
     R[:dim, :dim] = Q
     σ = R @ full(stress) @ R.T
-    return np.stack([σ[:, i, i] for i in range(3)] + [σ[:, i, j] for i, j in tensors.SHEAR[dim]], axis=1)
+    return np.stack(
+        [σ[:, i, i] for i in range(3)] + [σ[:, i, j] for i, j in tensors.SHEAR[dim]], axis=1
+    )
 
 
 def in_frame(body, Q, shift=0.0, v=0.0, a=0.0):
-    """The body seen from another frame: y = Q x + shift, with a velocity and an acceleration on top."""
-    return MaterialPoints(body.material, body.x @ Q.T + shift, body.half @ np.abs(Q).T, body.volume,
-                          turned_stress(body.stress, Q), body.velocity @ Q.T + v, body.acceleration @ Q.T + a)
+    """The body seen from another frame: y = Q x + shift, with a velocity and an acceleration on
+    top."""
+    return MaterialPoints(
+        body.material,
+        body.x @ Q.T + shift,
+        body.half @ np.abs(Q).T,
+        body.volume,
+        turned_stress(body.stress, Q),
+        body.velocity @ Q.T + v,
+        body.acceleration @ Q.T + a,
+    )

@@ -1,4 +1,5 @@
-"""Points that go on with an acceleration which fits the stress they bear, not the one that the matrix foresees."""
+"""Points that go on with an acceleration which fits the stress they bear, not the one that the
+matrix foresees."""
 
 import sys
 from functools import partial
@@ -48,15 +49,28 @@ def free(dim, mapping, stepping=None, seed=1, correction=OFF, **keywords):
     """A body of random stress and motion on a grid with room; steps of 1 ms unless told."""
     grid, stepping = dense.uneven(dim), stepping or Newmark(1e-3)
     body = dense.random_body(grid, np.random.default_rng(seed), lambda x: x[0] < 0.8)
-    return Simulation(grid, body, stepping, [], mapping, solver=FACTOR, sweeps=1, correction=correction,
-                      hold_cut_cells=False, **keywords)
+    return Simulation(
+        grid,
+        body,
+        stepping,
+        [],
+        mapping,
+        solver=FACTOR,
+        sweeps=1,
+        correction=correction,
+        hold_cut_cells=False,
+        **keywords,
+    )
 
 
 @DIMS
 @pytest.mark.parametrize("mapping", [GIMP, DM, DM_G, DM_C, DM_GC], ids=str)
-@pytest.mark.parametrize("stepping", [Newmark(1e-3), GeneralizedAlpha(1e-3, 0.7)], ids=["Newmark", "generalised α"])
+@pytest.mark.parametrize(
+    "stepping", [Newmark(1e-3), GeneralizedAlpha(1e-3, 0.7)], ids=["Newmark", "generalised α"]
+)
 def test_the_correction_is_what_the_force_lacks_over_the_lumped_mass(dim, mapping, stepping):
-    """Of two runs of a step from the same points: M̄ δa = -(ΔF - K u), by hand, and points take it all."""
+    """Of two runs of a step from the same points: M̄ δa = -(ΔF - K u), by hand, and points take it
+    all."""
     plain, balanced = free(dim, mapping, stepping), free(dim, mapping, stepping, correction=LUMPED)
     for run in (plain, balanced):
         run.step()
@@ -70,7 +84,9 @@ def test_the_correction_is_what_the_force_lacks_over_the_lumped_mass(dim, mappin
     lack = np.divide(foreseen - ΔF, mass, out=np.zeros_like(ΔF), where=mass > 0) / stepping.inertia
     for name, by in (("acceleration", 1.0), ("velocity", stepping.gamma * stepping.dt)):
         found = getattr(balanced.bodies[0], name) - getattr(body, name)
-        np.testing.assert_allclose(found, by * stencil.at_points(lack), rtol=0, atol=1e-9 * np.abs(found).max())
+        np.testing.assert_allclose(
+            found, by * stencil.at_points(lack), rtol=0, atol=1e-9 * np.abs(found).max()
+        )
         assert np.abs(found).max() > 0.0
     assert np.array_equal(balanced.bodies[0].x, body.x)
 
@@ -78,18 +94,32 @@ def test_the_correction_is_what_the_force_lacks_over_the_lumped_mass(dim, mappin
 @DIMS
 @pytest.mark.parametrize("law", ["small strain", "Hencky"])
 @pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
-@pytest.mark.parametrize("stepping", [Newmark(1e-3), GeneralizedAlpha(1e-3, 0.7)], ids=["Newmark", "generalised α"])
+@pytest.mark.parametrize(
+    "stepping", [Newmark(1e-3), GeneralizedAlpha(1e-3, 0.7)], ids=["Newmark", "generalised α"]
+)
 def test_the_implicit_correction_solves_with_the_matrix_of_the_step(dim, mapping, law, stepping):
-    """A δa = -(ΔF - K u) / (β Δt²) with the matrix A of the step, both by hand; at finite strain ΔF is that of
-    J σ f⁻ᵀ against gradients before the step, and K u what the nominal stress of the grid gives."""
+    """A δa = -(ΔF - K u) / (β Δt²) with the matrix A of the step, both by hand; at finite strain ΔF
+    is that of J σ f⁻ᵀ against gradients before the step, and K u what the nominal stress of the
+    grid gives."""
     runs = []
     for correction in (OFF, IMPLICIT):
         grid = dense.uneven(dim)
         body = dense.random_body(grid, np.random.default_rng(1), lambda x: x[0] < 0.8)
         if law == "Hencky":
             body.material = Hencky(SOIL.young, SOIL.poisson, SOIL.density)
-        runs.append(Simulation(grid, body, stepping, [], mapping, solver=FACTOR, sweeps=1, correction=correction,
-                               hold_cut_cells=False))
+        runs.append(
+            Simulation(
+                grid,
+                body,
+                stepping,
+                [],
+                mapping,
+                solver=FACTOR,
+                sweeps=1,
+                correction=correction,
+                hold_cut_cells=False,
+            )
+        )
     plain, corrected = runs
     before = dense.random_body(plain.grid, np.random.default_rng(1), lambda x: x[0] < 0.8)
     for run in runs:
@@ -97,11 +127,17 @@ def test_the_implicit_correction_solves_with_the_matrix_of_the_step(dim, mapping
     stencil, (body,) = plain.stencils[0], plain.bodies
     after = tensors.matrix(body.stress, dim)
     if law == "Hencky":
-        f = np.eye(dim) + plain._recover(0, plain.motion.nodal(plain.motion.u)) if mapping is not DM_GC else None
+        f = (
+            np.eye(dim) + plain._recover(0, plain.motion.nodal(plain.motion.u))
+            if mapping is not DM_GC
+            else None
+        )
         f = np.eye(dim) + _gradient(plain, before) if f is None else f
         after = np.linalg.det(f)[:, None, None] * after @ np.linalg.inv(f).transpose(0, 2, 1)
     lack = np.zeros((plain.grid.nodes, dim))
-    stencil.deposit_divergence(before.volume[:, None, None] * (tensors.matrix(before.stress, dim) - after), lack)
+    stencil.deposit_divergence(
+        before.volume[:, None, None] * (tensors.matrix(before.stress, dim) - after), lack
+    )
     work = plain.contributions[0].work + (plain.yielding.work if plain.yielding else 0)
     lack += dense.vector(plain.grid.space, work).reshape(-1, dim)
     if plain.yielding:
@@ -119,8 +155,11 @@ def test_the_implicit_correction_solves_with_the_matrix_of_the_step(dim, mapping
 
 
 def _gradient(run, before):
-    """Displacement gradients of the step at the points as they were, from the composite patches of the step."""
-    return run.composites[0].gradient_at_points(before.x, run.cells[0], run.motion.nodal(run.motion.u))
+    """Displacement gradients of the step at the points as they were, from the composite patches of
+    the step."""
+    return run.composites[0].gradient_at_points(
+        before.x, run.cells[0], run.motion.nodal(run.motion.u)
+    )
 
 
 @DIMS
@@ -128,13 +167,18 @@ def _gradient(run, before):
 @pytest.mark.parametrize("transfer", [trapezoidal, flip])
 @pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
 def test_momentum_of_a_free_body_stays(dim, mapping, transfer, correction):
-    """Neither force has a sum: Σ m Δv = ½ Δt Σ m a, a those at the start; FLIP: Σ m Δv = ½ Δt (Σ m a) as well."""
+    """Neither force has a sum: Σ m Δv = ½ Δt Σ m a, a those at the start; FLIP: Σ m Δv = ½ Δt (Σ m
+    a) as well."""
     run = free(dim, mapping, transfer=transfer, correction=correction)
     body = run.bodies[0]
     wanted = body.mass @ (body.velocity + 5e-4 * body.acceleration)
     run.step()
-    np.testing.assert_allclose(body.mass @ body.velocity, wanted, rtol=0,
-                               atol=1e-11 * (body.mass @ np.abs(body.velocity)).max())
+    np.testing.assert_allclose(
+        body.mass @ body.velocity,
+        wanted,
+        rtol=0,
+        atol=1e-11 * (body.mass @ np.abs(body.velocity)).max(),
+    )
 
 
 @CORRECTED
@@ -146,16 +190,27 @@ def test_where_the_matrix_is_the_derivative_there_is_nothing_to_correct(correcti
         run.step()
     for name in ("velocity", "acceleration", "stress"):
         value = getattr(plain.bodies[0], name)
-        np.testing.assert_allclose(getattr(balanced.bodies[0], name), value, rtol=0, atol=1e-10 * np.abs(value).max())
+        np.testing.assert_allclose(
+            getattr(balanced.bodies[0], name), value, rtol=0, atol=1e-10 * np.abs(value).max()
+        )
 
 
 def standing(poisson, courant, correction):
-    """Part of its energy that a standing shear wave of 20 cells a length loses in some steps, with DM-GC."""
+    """Part of its energy that a standing shear wave of 20 cells a length loses in some steps, with
+    DM-GC."""
     soil, n = LinearElastic(20e6, poisson, 1500.0), 10
     grid = Grid.box((0, 0), (1, 1), (n, n))
     walls = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
     body = MaterialPoints.fill(grid, soil, 4)
-    run = Simulation(grid, body, Newmark(courant / n / soil.s_speed), walls, DM_GC, sweeps=1, correction=correction)
+    run = Simulation(
+        grid,
+        body,
+        Newmark(courant / n / soil.s_speed),
+        walls,
+        DM_GC,
+        sweeps=1,
+        correction=correction,
+    )
     c, s = (f(np.pi * body.x.T) for f in (np.cos, np.sin))
     body.velocity[:] = 1e-6 * soil.s_speed * np.stack((s[0] * c[1], -c[0] * s[1]), axis=1)
     energy = run.record(Energy())
@@ -164,27 +219,43 @@ def standing(poisson, courant, correction):
 
 
 @CORRECTED
-@pytest.mark.parametrize("poisson, courant, least", [(0.25, 0.5, 0.05), (0.41, 0.5, 0.1), (0.48, 0.5, 0.3),
-                                                     (0.41, 0.25, 0.025)])
-def test_a_shear_wave_keeps_the_energy_that_locking_of_the_matrix_took(poisson, courant, least, correction):
-    """Of what it lost in 100 steps at least three quarters; Courant numbers are those of shear waves."""
+@pytest.mark.parametrize(
+    "poisson, courant, least",
+    [(0.25, 0.5, 0.05), (0.41, 0.5, 0.1), (0.48, 0.5, 0.3), (0.41, 0.25, 0.025)],
+)
+def test_a_shear_wave_keeps_the_energy_that_locking_of_the_matrix_took(
+    poisson, courant, least, correction
+):
+    """Of what it lost in 100 steps at least three quarters; Courant numbers are those of shear
+    waves."""
     plain, balanced = (standing(poisson, courant, kind) for kind in (OFF, correction))
     assert plain > least
     assert abs(balanced) < plain / 4
 
 
 @CORRECTED
-@pytest.mark.parametrize("mapping, courant", [(DM_GC, 0.5), (DM_GC, 2.0), (DM_G, 0.5), (DM_G, 5.0)], ids=str)
+@pytest.mark.parametrize(
+    "mapping, courant", [(DM_GC, 0.5), (DM_GC, 2.0), (DM_G, 0.5), (DM_G, 5.0)], ids=str
+)
 def test_no_mode_of_a_free_bar_grows(mapping, courant, correction, monkeypatch):
-    """Neither on nor off the grid lines; those of DM-GC did, by up to 7e-5 a step, and do by up to 4e-5."""
+    """Neither on nor off the grid lines; those of DM-GC did, by up to 7e-5 a step, and do by up to
+    4e-5."""
+
     def fastest(**keywords):
         keywords["initial_acceleration"] = InitialAcceleration.ZERO
         monkeypatch.setattr(amplification_map, "Simulation", partial(Simulation, **keywords))
-        runs = (amplification_map.bar(mapping, amplification_map.step_of(courant), offset=at) for at in (0.0, 0.3))
-        return max(np.abs(np.linalg.eigvals(amplification_map.StepMap(run).matrix)).max() for run in runs)
+        runs = (
+            amplification_map.bar(mapping, amplification_map.step_of(courant), offset=at)
+            for at in (0.0, 0.3)
+        )
+        return max(
+            np.abs(np.linalg.eigvals(amplification_map.StepMap(run).matrix)).max() for run in runs
+        )
 
     grows = (mapping, courant) == (DM_GC, 0.5)
-    assert fastest(correction=correction) < 1.0 + ((1e-5 if correction is LUMPED else 5e-5) if grows else 1e-6)
+    assert fastest(correction=correction) < 1.0 + (
+        (1e-5 if correction is LUMPED else 5e-5) if grows else 1e-6
+    )
     if mapping is DM_GC:
         assert fastest(correction=OFF) > 1.0 + 2e-5
 
@@ -195,13 +266,21 @@ def test_soil_that_does_not_yield_is_elastic_and_soil_that_does_is_corrected_too
         grid = Grid.box((0, 0), (4, 4), (4, 4))
         body = MaterialPoints.fill(grid, law, 4, inside=lambda x: (x[0] > 1) & (x[1] > 1))
         body.velocity = 0.2 * np.stack((body.x[:, 0] - 2.5, 2.5 - body.x[:, 1]), axis=1)
-        run = Simulation(grid, body, Newmark(5e-3), [Viscous(body.surface("left"), SOFT)], DM_GC,
-                         correction=correction)
+        run = Simulation(
+            grid,
+            body,
+            Newmark(5e-3),
+            [Viscous(body.surface("left"), SOFT)],
+            DM_GC,
+            correction=correction,
+        )
         run.until(0.05)
         return body
 
     strong, elastic = pulled(VonMises(SOFT, peak=1e9, residual=1e9, softening=0.0)), pulled(SOFT)
-    np.testing.assert_allclose(strong.stress, elastic.stress, rtol=0, atol=1e-9 * np.abs(elastic.stress).max())
+    np.testing.assert_allclose(
+        strong.stress, elastic.stress, rtol=0, atol=1e-9 * np.abs(elastic.stress).max()
+    )
     weak = pulled(VonMises(SOFT, peak=1e4, residual=5e3, softening=1e4))
     assert weak.history.max() > 0.0
     assert np.isfinite(weak.velocity).all()
@@ -209,7 +288,9 @@ def test_soil_that_does_not_yield_is_elastic_and_soil_that_does_is_corrected_too
 
 def test_a_run_without_it_does_not_pay_for_it_and_what_cannot_have_it_is_refused():
     assert free(2, DM_GC).correction is None
-    short, long = (free(2, DM_GC, Newmark(dt), correction=None).correction_kind for dt in (1e-5, 1.0))
+    short, long = (
+        free(2, DM_GC, Newmark(dt), correction=None).correction_kind for dt in (1e-5, 1.0)
+    )
     assert short is LUMPED and long is IMPLICIT
     assert free(2, DM_GC, QuasiStatic(2), correction=None).correction is None
     with pytest.raises(ValueError, match="correction is of accelerations"):

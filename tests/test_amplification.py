@@ -1,4 +1,5 @@
-"""The amplification matrix of the study: it is what real steps do, and has the eigenvalues that are known."""
+"""The amplification matrix of the study: it is what real steps do, and has the eigenvalues that are
+known."""
 
 import json
 import sys
@@ -19,7 +20,8 @@ MAPPINGS = pytest.mark.parametrize("mapping", [MPM, GIMP, DM_G, DM_GC], ids=str)
 @MAPPINGS
 @pytest.mark.parametrize("scene", [bar, block])
 def test_a_power_of_the_matrix_is_so_many_real_steps(scene, mapping):
-    """Random points' values, whatever of them the grid does not see, over cut cells and on dashpots."""
+    """Random points' values, whatever of them the grid does not see, over cut cells and on
+    dashpots."""
     run, rng = scene(mapping, step_of(0.7), viscous=True, offset=0.3), np.random.default_rng(0)
     steps, n = StepMap(run), len(run.bodies[0])
     T = steps.matrix
@@ -33,15 +35,16 @@ def test_a_power_of_the_matrix_is_so_many_real_steps(scene, mapping):
 
 @MAPPINGS
 def test_rigid_motions_are_neutral(mapping):
-    """Two translations and a rotation of a free block keep their velocity; nothing else is neutral."""
+    """Two translations and a rotation of a free block keep their velocity; nothing else is
+    neutral."""
     λ = np.linalg.eigvals(StepMap(block(mapping, step_of(1.0))).matrix)
     assert (np.abs(λ - 1) < 1e-9).sum() == 3
     assert (np.abs(λ - 1) < 1e-4).sum() == 3
 
 
 def test_one_point_on_one_element_by_hand():
-    """Points at ¼ and ¾ of a cell that is fixed on its left, MPM without sweeps: their velocities and stress in closed
-    form, with k = 2V c²ρ/h² and m = Σ m_p x_p²/h² of the right-hand node."""
+    """Points at ¼ and ¾ of a cell that is fixed on its left, MPM without sweeps: their velocities
+    and stress in closed form, with k = 2V c²ρ/h² and m = Σ m_p x_p²/h² of the right-hand node."""
     courant, x = 1.3, np.array([0.25, 0.75])
     run = bar(MPM, step_of(courant), cells=1, fixed=True, sweeps=0)
     run.supports = None  # with it a step knows more of points than what they deposit
@@ -62,8 +65,11 @@ def test_one_point_on_one_element_by_hand():
 
 
 def test_growth_is_that_of_a_run():
-    """The paper's DM-GC, a free block of 4 by 3 cells: 40 steps from its fastest growing mode, no places put back."""
-    run = amplification.across(block(amplification.PAPERS, step_of(0.5), **amplification.UNCORRECTED))
+    """The paper's DM-GC, a free block of 4 by 3 cells: 40 steps from its fastest growing mode, no
+    places put back."""
+    run = amplification.across(
+        block(amplification.PAPERS, step_of(0.5), **amplification.UNCORRECTED)
+    )
     steps = StepMap(run)
     λ, modes = np.linalg.eig(steps.matrix)
     i = np.argmax(np.abs(λ))
@@ -86,7 +92,12 @@ def test_what_the_paper_lets_grow_does_not_grow_here():
 @pytest.mark.parametrize("mapping", [MPM, GIMP], ids=str)
 def test_integrals_at_points_let_nothing_grow_at_rest(mapping, courant):
     for offset in (0.0, 0.3):
-        assert growth(StepMap(block(mapping, step_of(courant), offset=offset)).matrix, courant)["growth"] < 0.0
+        assert (
+            growth(StepMap(block(mapping, step_of(courant), offset=offset)).matrix, courant)[
+                "growth"
+            ]
+            < 0.0
+        )
 
 
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
@@ -100,23 +111,54 @@ def test_the_product_of_ten_maps_is_ten_steps_of_a_bar_that_moves(mapping):
     rigid = speed * h / stepping.dt
     body.stress[:, 0] = soil.density * c**2 * z[0, column]
     body.velocity, body.acceleration = np.zeros_like(body.x), np.zeros_like(body.x)
-    body.velocity[:, 0], body.acceleration[:, 0] = rigid + c * z[1, column], c / stepping.dt * z[2, column]
-    run = Simulation(grid, body, Newmark(stepping.dt), [Fixed(grid.facets("bottom", "top"), "y")], mapping,
-                     hold_cut_cells=False)
+    body.velocity[:, 0], body.acceleration[:, 0] = (
+        rigid + c * z[1, column],
+        c / stepping.dt * z[2, column],
+    )
+    run = Simulation(
+        grid,
+        body,
+        Newmark(stepping.dt),
+        [Fixed(grid.facets("bottom", "top"), "y")],
+        mapping,
+        hold_cut_cells=False,
+    )
     for _ in range(10):
         run.step()
     first = np.unique(column, return_index=True)[1]
-    found = np.concatenate((body.stress[first, 0] / (soil.density * c**2), (body.velocity[first, 0] - rigid) / c,
-                            body.acceleration[first, 0] * stepping.dt / c))
+    found = np.concatenate(
+        (
+            body.stress[first, 0] / (soil.density * c**2),
+            (body.velocity[first, 0] - rigid) / c,
+            body.acceleration[first, 0] * stepping.dt / c,
+        )
+    )
     expected = P @ z.ravel()
     np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
 
 def test_the_study_writes_its_rows(tmp_path, monkeypatch):
-    monkeypatch.setattr(amplification, "cases", lambda quick: [
-        ({"motion": "at rest", "scene": "bar, free", "mapping": "GIMP", "sweeps": 1, "offset": 0.0, "radius": 1.0,
-          "start": 0.0, "strain": "as it is", "courant": C}, lambda C=C: growth(
-              StepMap(bar(GIMP, step_of(C), cells=3)).matrix, C)) for C in (0.5, 5.0)])
+    monkeypatch.setattr(
+        amplification,
+        "cases",
+        lambda quick: [
+            (
+                {
+                    "motion": "at rest",
+                    "scene": "bar, free",
+                    "mapping": "GIMP",
+                    "sweeps": 1,
+                    "offset": 0.0,
+                    "radius": 1.0,
+                    "start": 0.0,
+                    "strain": "as it is",
+                    "courant": C,
+                },
+                lambda C=C: growth(StepMap(bar(GIMP, step_of(C), cells=3)).matrix, C),
+            )
+            for C in (0.5, 5.0)
+        ],
+    )
     rows = amplification.main(["--results", str(tmp_path)])
     written = json.loads((tmp_path / "amplification.json").read_text())
     assert written["rows"] == rows and len(rows) == 2

@@ -40,7 +40,9 @@ def name(path):
 
 
 FILES = {name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
-FOLDERS = {module: path.relative_to(PACKAGE).parent.as_posix().strip(".") for module, path in FILES.items()}
+FOLDERS = {
+    module: path.relative_to(PACKAGE).parent.as_posix().strip(".") for module, path in FILES.items()
+}
 
 
 def imports(module):
@@ -74,13 +76,19 @@ def arrows():
 
 
 def test_every_folder_has_a_floor():
-    assert set(FOLDERS.values()) == set(FLOORS), f"give every folder a floor in FLOORS of {__file__}"
+    assert set(FOLDERS.values()) == set(FLOORS), (
+        f"give every folder a floor in FLOORS of {__file__}"
+    )
 
 
 @pytest.mark.parametrize("module", sorted(FILES))
 def test_a_module_imports_from_its_own_folder_and_floors_below(module):
     folder = FOLDERS[module]
-    above = {m for m in imports(module)[0] if FOLDERS[m] != folder and FLOORS[FOLDERS[m]] >= FLOORS[folder]}
+    above = {
+        m
+        for m in imports(module)[0]
+        if FOLDERS[m] != folder and FLOORS[FOLDERS[m]] >= FLOORS[folder]
+    }
     assert not above, f"{module} on floor {FLOORS[folder]} imports {sorted(above)}"
 
 
@@ -107,7 +115,9 @@ def test_exact_answers_import_nothing_of_the_package():
     assert not {b for a, b in arrows() if a == "analytical"}
 
 
-@pytest.mark.parametrize("module", sorted(set(FILES) - {"grid.dolfinx_versions", "solver.equilibrium"}))
+@pytest.mark.parametrize(
+    "module", sorted(set(FILES) - {"grid.dolfinx_versions", "solver.equilibrium"})
+)
 def test_versions_of_dolfinx_show_in_two_modules_only(module):
     switches = (
         r"_cpp_object|dolfinx\.__version__|dolfinx_versions\.(version|_recent)"
@@ -119,7 +129,11 @@ def test_versions_of_dolfinx_show_in_two_modules_only(module):
 def test_names_promised_are_there():
     assert len(set(mpm_fenicsx.__all__)) == len(mpm_fenicsx.__all__)
     assert all(hasattr(mpm_fenicsx, name) for name in mpm_fenicsx.__all__)
-    public = {n for n in vars(mpm_fenicsx) if not n.startswith("_") and n not in FLOORS and n != "annotations"}
+    public = {
+        n
+        for n in vars(mpm_fenicsx)
+        if not n.startswith("_") and n not in FLOORS and n != "annotations"
+    }
     assert public == set(mpm_fenicsx.__all__)
 
 

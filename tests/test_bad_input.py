@@ -50,47 +50,65 @@ def refused(message):
     return pytest.raises(ValueError, match=message)
 
 
-@pytest.mark.parametrize(("values", "message"), [
-    ((1e6, 0.5, 1e3), r"poisson .* got 0\.5"),
-    ((1e6, -1.0, 1e3), r"poisson .* got -1"),
-    ((1e6, NAN, 1e3), r"poisson .* got nan"),
-    ((0.0, 0.3, 1e3), r"young .* got 0"),
-    ((-2e6, 0.3, 1e3), r"young .* got -2000000"),
-    ((NAN, 0.3, 1e3), r"young .* got nan"),
-    ((1e6, 0.3, 0.0), r"density .* got 0"),
-    (("soft", 0.3, 1e3), r"young .* got 'soft'"),
-])
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ((1e6, 0.5, 1e3), r"poisson .* got 0\.5"),
+        ((1e6, -1.0, 1e3), r"poisson .* got -1"),
+        ((1e6, NAN, 1e3), r"poisson .* got nan"),
+        ((0.0, 0.3, 1e3), r"young .* got 0"),
+        ((-2e6, 0.3, 1e3), r"young .* got -2000000"),
+        ((NAN, 0.3, 1e3), r"young .* got nan"),
+        ((1e6, 0.3, 0.0), r"density .* got 0"),
+        (("soft", 0.3, 1e3), r"young .* got 'soft'"),
+    ],
+)
 def test_soils(values, message):
     with refused(message):
         LinearElastic(*values)
 
 
-@pytest.mark.parametrize(("make", "message"), [
-    (lambda: Newmark(0.0), r"dt .* got 0"),
-    (lambda: Newmark(-1e-3), r"dt .* got -0\.001"),
-    (lambda: Newmark(NAN), r"dt .* got nan"),
-    (lambda: Newmark(1e-3, beta=0.2), r"beta=0\.2, gamma=0\.5"),
-    (lambda: QuasiStatic(0), r"steps .* got 0"),
-    (lambda: QuasiStatic(2.5), r"steps .* got 2\.5"),
-])
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Newmark(0.0), r"dt .* got 0"),
+        (lambda: Newmark(-1e-3), r"dt .* got -0\.001"),
+        (lambda: Newmark(NAN), r"dt .* got nan"),
+        (lambda: Newmark(1e-3, beta=0.2), r"beta=0\.2, gamma=0\.5"),
+        (lambda: QuasiStatic(0), r"steps .* got 0"),
+        (lambda: QuasiStatic(2.5), r"steps .* got 2\.5"),
+    ],
+)
 def test_steppings(make, message):
     with refused(message):
         make()
 
 
-@pytest.mark.parametrize(("make", "message"), [
-    (lambda: Grid.box((0, 0), (1, 0), (2, 2)), r"lower must lie below upper.*upper=\(1, 0\)"),
-    (lambda: Grid.box((0, 0), (1, NAN), (2, 2)), r"upper .* got nan"),
-    (lambda: Grid.box((0, 0), (1, 1), (2, 0)), r"cells .* got 0"),
-    (lambda: Grid.box((0, 0, 0), (1, 1), (2, 2)), r"got \(0, 0, 0\), \(1, 1\), \(2, 2\)"),
-    (lambda: Grid.rectilinear([np.array([0.0, 1.0, 1.0]), np.array([0.0, 1.0])]),
-     r"must increase, got \[0\. 1\. 1\.\]"),
-    (lambda: Grid.box((0, 0), (1, 1), (2, 2), {"low": lambda x: x[1] < 0.1, "edge": lambda x: x[1] < 0.2}),
-     r"\['edge', 'low'\] overlap"),
-    (lambda: Grid.box((0, 0), (1, 1), (2, 2), {"left": lambda x: x[0] < 0.1}), r"'left' is taken"),
-    (lambda: Grid.box((0, 0), (1, 1), (2, 2), {"far": lambda x: x[0] > 9}), r"'far' is empty"),
-    (lambda: OTHER.facets("ceiling"), r"facets .* got 'ceiling'"),
-])
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Grid.box((0, 0), (1, 0), (2, 2)), r"lower must lie below upper.*upper=\(1, 0\)"),
+        (lambda: Grid.box((0, 0), (1, NAN), (2, 2)), r"upper .* got nan"),
+        (lambda: Grid.box((0, 0), (1, 1), (2, 0)), r"cells .* got 0"),
+        (lambda: Grid.box((0, 0, 0), (1, 1), (2, 2)), r"got \(0, 0, 0\), \(1, 1\), \(2, 2\)"),
+        (
+            lambda: Grid.rectilinear([np.array([0.0, 1.0, 1.0]), np.array([0.0, 1.0])]),
+            r"must increase, got \[0\. 1\. 1\.\]",
+        ),
+        (
+            lambda: Grid.box(
+                (0, 0), (1, 1), (2, 2), {"low": lambda x: x[1] < 0.1, "edge": lambda x: x[1] < 0.2}
+            ),
+            r"\['edge', 'low'\] overlap",
+        ),
+        (
+            lambda: Grid.box((0, 0), (1, 1), (2, 2), {"left": lambda x: x[0] < 0.1}),
+            r"'left' is taken",
+        ),
+        (lambda: Grid.box((0, 0), (1, 1), (2, 2), {"far": lambda x: x[0] > 9}), r"'far' is empty"),
+        (lambda: OTHER.facets("ceiling"), r"facets .* got 'ceiling'"),
+    ],
+)
 def test_grids_and_facets(make, message):
     with refused(message):
         make()
@@ -98,8 +116,11 @@ def test_grids_and_facets(make, message):
 
 def test_a_grid_that_is_not_rectilinear_where_points_are_used():
     x = np.array([[0.0, 0.0], [1.0, 0.0], [0.2, 1.0], [1.0, 1.0]])
-    skew = Grid(dolfinx_versions.create_mesh(OTHER.comm, x, np.array([[0, 1, 2, 3]]),
-                                    lambda ranks: (np.array([0, 1]), np.zeros(1))))
+    skew = Grid(
+        dolfinx_versions.create_mesh(
+            OTHER.comm, x, np.array([[0, 1, 2, 3]]), lambda ranks: (np.array([0, 1]), np.zeros(1))
+        )
+    )
     FiniteElements(skew, dense.SOIL, Newmark(1e-3), [Fixed(skew.facets("bottom"))]).step()
     points = MaterialPoints(dense.SOIL, [[0.5, 0.5]], [[0.1, 0.1]], [0.04])
     with refused("mesh must be rectilinear"):
@@ -107,34 +128,47 @@ def test_a_grid_that_is_not_rectilinear_where_points_are_used():
     with refused("mesh must be rectilinear"):
         Simulation(skew, points, Newmark(1e-3), [])
     with refused("mesh must be rectilinear"):
-        FiniteElements(skew, dense.SOIL, Newmark(1e-3),
-                       [Traction(SurfacePoints([[0.5, 0.5]], [[0.0, 1.0]], [1.0]), (0, 1))])
+        FiniteElements(
+            skew,
+            dense.SOIL,
+            Newmark(1e-3),
+            [Traction(SurfacePoints([[0.5, 0.5]], [[0.0, 1.0]], [1.0]), (0, 1))],
+        )
 
 
-@pytest.mark.parametrize(("arguments", "message"), [
-    ({"per_cell": 0}, r"per_cell .* got 0"),
-    ({"per_cell": 3}, r"per_cell .* got 3"),
-    ({"per_cell": 4, "jitter": 0.5}, r"jitter .* got 0\.5"),
-    ({"per_cell": 4, "jitter": NAN}, r"jitter .* got nan"),
-    ({"per_cell": 4, "inside": lambda x: x[0] > 9}, "inside leaves a body without material points"),
-    ({"per_cell": 4, "inside": lambda x: x > 0}, r"inside must map \(dim, n\) to \(n,\)"),
-])
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"per_cell": 0}, r"per_cell .* got 0"),
+        ({"per_cell": 3}, r"per_cell .* got 3"),
+        ({"per_cell": 4, "jitter": 0.5}, r"jitter .* got 0\.5"),
+        ({"per_cell": 4, "jitter": NAN}, r"jitter .* got nan"),
+        (
+            {"per_cell": 4, "inside": lambda x: x[0] > 9},
+            "inside leaves a body without material points",
+        ),
+        ({"per_cell": 4, "inside": lambda x: x > 0}, r"inside must map \(dim, n\) to \(n,\)"),
+    ],
+)
 def test_bodies(grid, arguments, message):
     with refused(message):
         MaterialPoints.fill(grid, dense.SOIL, **arguments)
 
 
-@pytest.mark.parametrize(("changes", "message"), [
-    ({"x": [[NAN, 0.5]]}, r"x .* nan"),
-    ({"x": [[9.0, 0.5]]}, r"points: 1 lie outside the grid, the first at x=\[9\.  0\.5\]"),
-    ({"half": [[0.0, 0.1]]}, "half"),
-    ({"volume": [-1.0]}, "volume"),
-    ({"volume": [1.0, 2.0]}, "volume"),
-    ({"stress": [[0.0, 0.0, NAN, 0.0]]}, r"stress"),
-    ({"stress": [[0.0, 0.0, 0.0]]}, r"stress"),
-    ({"velocity": [[0.0, NAN]]}, r"velocity"),
-    ({"acceleration": [[0.0, 0.0, 0.0]]}, r"acceleration"),
-])
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"x": [[NAN, 0.5]]}, r"x .* nan"),
+        ({"x": [[9.0, 0.5]]}, r"points: 1 lie outside the grid, the first at x=\[9\.  0\.5\]"),
+        ({"half": [[0.0, 0.1]]}, "half"),
+        ({"volume": [-1.0]}, "volume"),
+        ({"volume": [1.0, 2.0]}, "volume"),
+        ({"stress": [[0.0, 0.0, NAN, 0.0]]}, r"stress"),
+        ({"stress": [[0.0, 0.0, 0.0]]}, r"stress"),
+        ({"velocity": [[0.0, NAN]]}, r"velocity"),
+        ({"acceleration": [[0.0, 0.0, 0.0]]}, r"acceleration"),
+    ],
+)
 def test_points(grid, changes, message):
     given = {"x": [[0.5, 0.5]], "half": [[0.1, 0.1]], "volume": [0.04], **changes}
     with refused(message):
@@ -142,7 +176,11 @@ def test_points(grid, changes, message):
 
 
 def test_arrays_that_were_spoilt_after_the_points_were_made(grid, body):
-    for name, shape in (("stress", (len(body), 4)), ("velocity", (len(body), 2)), ("acceleration", (len(body), 2))):
+    for name, shape in (
+        ("stress", (len(body), 4)),
+        ("velocity", (len(body), 2)),
+        ("acceleration", (len(body), 2)),
+    ):
         kept = getattr(body, name)
         for bad in (np.full(shape, NAN), np.zeros((1, 2))):
             setattr(body, name, bad)
@@ -165,13 +203,22 @@ def test_scenes_without_points_or_of_another_dimension(grid, body):
         Simulation(grid, solid, Newmark(1e-3), [])
 
 
-@pytest.mark.parametrize(("make", "message"), [
-    (lambda: SurfacePoints([[0.5, 0.5]], [[0.0, 2.0]], [1.0]), r"normal .* got one of length 2"),
-    (lambda: SurfacePoints([[0.5, 0.5]], [[0.0, NAN]], [1.0]), r"normal .* nan"),
-    (lambda: SurfacePoints([[0.5, 0.5]], [[0.0, 1.0]], [0.0]), r"area .* got 0"),
-    (lambda: SurfacePoints([[0.5, 0.5]], [[0.0, 1.0]], [NAN]), r"area .* got nan"),
-    (lambda: SurfacePoints([[0.5, 0.5]], [[0.0, 1.0, 0.0]], [1.0]), r"surface points need .* got"),
-])
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: SurfacePoints([[0.5, 0.5]], [[0.0, 2.0]], [1.0]),
+            r"normal .* got one of length 2",
+        ),
+        (lambda: SurfacePoints([[0.5, 0.5]], [[0.0, NAN]], [1.0]), r"normal .* nan"),
+        (lambda: SurfacePoints([[0.5, 0.5]], [[0.0, 1.0]], [0.0]), r"area .* got 0"),
+        (lambda: SurfacePoints([[0.5, 0.5]], [[0.0, 1.0]], [NAN]), r"area .* got nan"),
+        (
+            lambda: SurfacePoints([[0.5, 0.5]], [[0.0, 1.0, 0.0]], [1.0]),
+            r"surface points need .* got",
+        ),
+    ],
+)
 def test_surface_points(make, message):
     with refused(message):
         make()
@@ -192,15 +239,30 @@ TERMS = [
     (lambda g: Viscous(OTHER.facets("top"), dense.SOFT), r"\('top',\) belong to another grid"),
     (lambda g: Traction("top", (0.0, 1.0)), r"on must be .* got 'top'"),
     (lambda g: Traction(mark(dim=3), (0.0, 1.0)), r"surface points have 3 coordinates, the grid 2"),
-    (lambda g: Traction(mark(5.0), (0.0, 1.0)), r"surface point 0 at x=\[5\. 5\.\] lies outside the grid"),
-    (lambda g: Traction(mark(NAN), (0.0, 1.0)), r"surface point 0 at x=\[nan nan\] lies outside the grid"),
-    (lambda g: Traction(g.facets("top"), (0.0, 1.0, 2.0)), r"value of Traction .* 2 finite numbers, got array\(\[0"),
+    (
+        lambda g: Traction(mark(5.0), (0.0, 1.0)),
+        r"surface point 0 at x=\[5\. 5\.\] lies outside the grid",
+    ),
+    (
+        lambda g: Traction(mark(NAN), (0.0, 1.0)),
+        r"surface point 0 at x=\[nan nan\] lies outside the grid",
+    ),
+    (
+        lambda g: Traction(g.facets("top"), (0.0, 1.0, 2.0)),
+        r"value of Traction .* 2 finite numbers, got array\(\[0",
+    ),
     (lambda g: Traction(g.facets("top"), 5.0), r"value of Traction .* got array\(5"),
     (lambda g: Traction(g.facets("top"), "up"), r"value of Traction .* got 'up'"),
-    (lambda g: Traction(g.facets("top"), (0.0, NAN)), r"value of Traction .* got array\(\[ ?0\., nan"),
+    (
+        lambda g: Traction(g.facets("top"), (0.0, NAN)),
+        r"value of Traction .* got array\(\[ ?0\., nan",
+    ),
     (lambda g: Traction(g.facets("top"), lambda t: (0.0, NAN)), r"value of Traction .* nan"),
     (lambda g: Traction(g.facets("top"), lambda t: 1.0), r"value of Traction .* got array\(1"),
-    (lambda g: Traction(g.facets("top"), lambda t, x: x.T), r"value of Traction .* 2 finite numbers"),
+    (
+        lambda g: Traction(g.facets("top"), lambda t, x: x.T),
+        r"value of Traction .* 2 finite numbers",
+    ),
     (lambda g: Gravity((0.0, -9.81, 0.0)), r"g of Gravity .* 2 finite numbers"),
     (lambda g: Gravity(lambda t, x: x[:, :1]), r"g of Gravity .* 2 finite numbers"),
 ]
@@ -214,7 +276,9 @@ def test_terms(grid, body, make, message):
         FiniteElements(grid, dense.SOIL, Newmark(1e-3), [make(grid)])
 
 
-@pytest.mark.parametrize("make", [lambda on: Viscous(on, dense.SOFT), lambda on: Viscoelastic(on, dense.SOFT, 2.0)])
+@pytest.mark.parametrize(
+    "make", [lambda on: Viscous(on, dense.SOFT), lambda on: Viscoelastic(on, dense.SOFT, 2.0)]
+)
 def test_dashpots_in_statics(grid, body, make):
     name = type(make(mark())).__name__
     for on in (grid.facets("left"), mark()):
@@ -224,19 +288,30 @@ def test_dashpots_in_statics(grid, body, make):
             FiniteElements(grid, dense.SOIL, QuasiStatic(2), [make(on)])
 
 
-# -- what is often given in place of something else -------------------------------------------------------------------
+# -- what is often given in place of something else ------------------------------------------------
 
 
 def points_with(**changed):
     def make(grid, body):
-        return Simulation(**{"grid": grid, "points": body, "stepping": Newmark(1e-3), "terms": [], **changed})
+        return Simulation(
+            **{"grid": grid, "points": body, "stepping": Newmark(1e-3), "terms": [], **changed}
+        )
+
     return make
 
 
 def elements_with(**changed):
     def make(grid, body):
-        return FiniteElements(**{"grid": grid, "material": dense.SOIL, "stepping": Newmark(1e-3), "terms": [],
-                                 **changed})
+        return FiniteElements(
+            **{
+                "grid": grid,
+                "material": dense.SOIL,
+                "stepping": Newmark(1e-3),
+                "terms": [],
+                **changed,
+            }
+        )
+
     return make
 
 
@@ -250,7 +325,10 @@ BOTH = [
     ({"newton": 1e-6}, r"^newton must be Newton\(tolerance\) or None, got 1e-06$"),
     ({"newton": Newton}, "^newton must be .*got the class Newton itself$"),
     ({"solver": "cg"}, "^solver must be PETSc options by name, .*got 'cg'$"),
-    ({"solver": {"-ksp_type": "cg"}}, "^solver: names of PETSc options are texts without a dash, got '-ksp_type'$"),
+    (
+        {"solver": {"-ksp_type": "cg"}},
+        "^solver: names of PETSc options are texts without a dash, got '-ksp_type'$",
+    ),
     ({"solver": {"pc_type": "nonsense"}}, "^solver: PETSc takes none .*'pc_type': 'nonsense'"),
     ({"b_bar": "yes"}, "^b_bar must be True or False, got 'yes'$"),
     ({"grid": 3}, r"^grid must be a Grid, such as .*got 3$"),
@@ -258,41 +336,107 @@ BOTH = [
 KINDS = [
     *((points_with(**changed), words) for changed, words in BOTH),
     *((elements_with(**changed), words) for changed, words in BOTH),
-    (points_with(mapping="DM_GC"), "^mapping must be an object such as DM_GC, imported by its name, got 'DM_GC'$"),
+    (
+        points_with(mapping="DM_GC"),
+        "^mapping must be an object such as DM_GC, imported by its name, got 'DM_GC'$",
+    ),
     (points_with(transfer="flip"), "^transfer must be a function .*got 'flip'$"),
     (points_with(sweeps="two"), "^sweeps .*got 'two'"),
     (points_with(balanced="yes"), "^balanced must be True or False, got 'yes'$"),
     (points_with(points=3), "^points must be MaterialPoints, .*got 3$"),
-    (points_with(points=MaterialPoints), "^points must be MaterialPoints, .*got the class MaterialPoints itself$"),
-    (lambda grid, body: Simulation(grid, [body, body], Newmark(1e-3), []), "^points: a body is named twice$"),
-    (lambda grid, body: Simulation(grid, body.surface("top"), Newmark(1e-3), []), "^points must be .*got SurfacePoi"),
-    (elements_with(material=LinearElastic), "^material must be an object, got the class LinearElastic itself"),
+    (
+        points_with(points=MaterialPoints),
+        "^points must be MaterialPoints, .*got the class MaterialPoints itself$",
+    ),
+    (
+        lambda grid, body: Simulation(grid, [body, body], Newmark(1e-3), []),
+        "^points: a body is named twice$",
+    ),
+    (
+        lambda grid, body: Simulation(grid, body.surface("top"), Newmark(1e-3), []),
+        "^points must be .*got SurfacePoi",
+    ),
+    (
+        elements_with(material=LinearElastic),
+        "^material must be an object, got the class LinearElastic itself",
+    ),
     (elements_with(start=3), "^start must be a finite element run, got 3$"),
     (lambda grid, body: MaterialPoints.fill(3, dense.SOIL, 4), "^grid must be a Grid, .*got 3$"),
-    (lambda grid, body: MaterialPoints.fill(grid, LinearElastic, 4), "^material must be an object, got the class"),
-    (lambda grid, body: MaterialPoints.fill(grid, 2e6, 4), "^material lacks density .*got 2000000.0$"),
-    (lambda grid, body: MaterialPoints.fill(grid, dense.SOIL, 4, inside=3), "^inside must be a function .*got 3$"),
-    (lambda grid, body: MaterialPoints.fill(grid, dense.SOIL, 4, seed="a"), "^seed must be a number, got 'a'$"),
-    (lambda grid, body: MaterialPoints(dense.SOIL, "here", None, None), "^x must be an array of numbers, got 'here'$"),
-    (lambda grid, body: MaterialPoints(dense.SOIL, [[0.5, 0.5]], None, [1.0]), "^half must have the shape"),
-    (lambda grid, body: MaterialPoints(dense.SOIL, [[0.5, 0.5]], [[0.1, 0.1]], "a"), "^volume must be an array of"),
-    (lambda grid, body: SurfacePoints([[0.5, 0.5]], "up", [1.0]), "^normal must be an array of numbers, got 'up'$"),
+    (
+        lambda grid, body: MaterialPoints.fill(grid, LinearElastic, 4),
+        "^material must be an object, got the class",
+    ),
+    (
+        lambda grid, body: MaterialPoints.fill(grid, 2e6, 4),
+        "^material lacks density .*got 2000000.0$",
+    ),
+    (
+        lambda grid, body: MaterialPoints.fill(grid, dense.SOIL, 4, inside=3),
+        "^inside must be a function .*got 3$",
+    ),
+    (
+        lambda grid, body: MaterialPoints.fill(grid, dense.SOIL, 4, seed="a"),
+        "^seed must be a number, got 'a'$",
+    ),
+    (
+        lambda grid, body: MaterialPoints(dense.SOIL, "here", None, None),
+        "^x must be an array of numbers, got 'here'$",
+    ),
+    (
+        lambda grid, body: MaterialPoints(dense.SOIL, [[0.5, 0.5]], None, [1.0]),
+        "^half must have the shape",
+    ),
+    (
+        lambda grid, body: MaterialPoints(dense.SOIL, [[0.5, 0.5]], [[0.1, 0.1]], "a"),
+        "^volume must be an array of",
+    ),
+    (
+        lambda grid, body: SurfacePoints([[0.5, 0.5]], "up", [1.0]),
+        "^normal must be an array of numbers, got 'up'$",
+    ),
     (lambda grid, body: body.surface("top", where=3), "^where must be a function .*got 3$"),
-    (lambda grid, body: body.surface("top", where=lambda x: True), r"^where must map \(dim, n\) to \(n,\), gave \(\)"),
-    (lambda grid, body: Contact(body, body), r"^bodies: contact takes .*pairs.*got \(MaterialPoints\)$"),
-    (lambda grid, body: Grid.box((0, 0), (1, 1), 10), r"^a box needs .*such as Grid\.box.*got \(0, 0\), \(1, 1\), 10$"),
+    (
+        lambda grid, body: body.surface("top", where=lambda x: True),
+        r"^where must map \(dim, n\) to \(n,\), gave \(\)",
+    ),
+    (
+        lambda grid, body: Contact(body, body),
+        r"^bodies: contact takes .*pairs.*got \(MaterialPoints\)$",
+    ),
+    (
+        lambda grid, body: Grid.box((0, 0), (1, 1), 10),
+        r"^a box needs .*such as Grid\.box.*got \(0, 0\), \(1, 1\), 10$",
+    ),
     (lambda grid, body: Grid.rectilinear(3), "^lines must be .*got 3$"),
     (lambda grid, body: Grid("mesh"), "^mesh must be a dolfinx mesh, got 'mesh'"),
-    (lambda grid, body: Grid(create_unit_square(grid.comm, 1, 1)), "^mesh must be of quadrilaterals .*triangle$"),
-    (lambda grid, body: Grid.box((0, 0), (1, 1), (1, 1), {"a": 3}), "^facets: 'a' must be a function .*got 3$"),
-    (lambda grid, body: Grid.box((0, 0), (1, 1), (1, 1), {"a": lambda x: True}), r"^facets: 'a' must map .*gave \(\)"),
-    (lambda grid, body: Grid.box((0, 0), (1, 1), (1, 1), ["a"]), r"^facets must be functions .*got \['a'\]$"),
+    (
+        lambda grid, body: Grid(create_unit_square(grid.comm, 1, 1)),
+        "^mesh must be of quadrilaterals .*triangle$",
+    ),
+    (
+        lambda grid, body: Grid.box((0, 0), (1, 1), (1, 1), {"a": 3}),
+        "^facets: 'a' must be a function .*got 3$",
+    ),
+    (
+        lambda grid, body: Grid.box((0, 0), (1, 1), (1, 1), {"a": lambda x: True}),
+        r"^facets: 'a' must map .*gave \(\)",
+    ),
+    (
+        lambda grid, body: Grid.box((0, 0), (1, 1), (1, 1), ["a"]),
+        r"^facets must be functions .*got \['a'\]$",
+    ),
     (lambda grid, body: Probe("stress", "here"), "^at must be an array of numbers, got 'here'$"),
     (lambda grid, body: Checkpoint(3), "^path must be a path, got 3$"),
     (lambda grid, body: Snapshots(None), "^path must be a path, got None$"),
     (lambda grid, body: Mapping("M", True, "points", True), "^integrate must be .*got 'points'$"),
-    (lambda grid, body: points_with()(grid, body).record(Energy), "^recorder must be an object such as"),
-    (lambda grid, body: points_with()(grid, body).until(1.0, 3), "^progress must be a function .*got 3$"),
+    (
+        lambda grid, body: points_with()(grid, body).record(Energy),
+        "^recorder must be an object such as",
+    ),
+    (
+        lambda grid, body: points_with()(grid, body).until(1.0, 3),
+        "^progress must be a function .*got 3$",
+    ),
     (lambda grid, body: points_with()(grid, body).restart(3), "^path must be a path, got 3$"),
 ]
 
@@ -303,17 +447,35 @@ def test_what_is_of_another_kind_is_refused_with_a_sentence(grid, body, make, wo
         make(grid, body)
 
 
-@pytest.mark.parametrize(("term", "words"), [
-    (lambda on: Fixed(on, "x", 0.01), r"^value of Fixed must be a function of time, such as lambda t.*got 0\.01$"),
-    (lambda on: Fixed(on, "x", lambda t: (t, t)), r"^value of Fixed must be .*one finite number, got array\(\[0"),
-    (lambda on: Fixed(on, "x", lambda t, x: t), "^value of Fixed must be a function of time alone"),
-    (lambda on: Fixed(on, 3), "^components must be one or several of xy in a text, got 3$"),
-    (lambda on: Fixed(on, ""), "^components must be one or several of xy in a text, got ''$"),
-    (lambda on: Viscous(on, LinearElastic), "^material of Viscous must be an object, got the class LinearElastic"),
-    (lambda on: Viscoelastic(on, 3.0, 1.0), "^material of Viscoelastic lacks density .*p_speed, s_speed, .*got 3.0$"),
-    (lambda on: Gravity(9.81), r"^g of Gravity must give 2 finite numbers, got array\(9\.81\)"),
-    (lambda on: Traction(on, None), "^value of Traction must give 2 finite numbers, got None$"),
-])
+@pytest.mark.parametrize(
+    ("term", "words"),
+    [
+        (
+            lambda on: Fixed(on, "x", 0.01),
+            r"^value of Fixed must be a function of time, such as lambda t.*got 0\.01$",
+        ),
+        (
+            lambda on: Fixed(on, "x", lambda t: (t, t)),
+            r"^value of Fixed must be .*one finite number, got array\(\[0",
+        ),
+        (
+            lambda on: Fixed(on, "x", lambda t, x: t),
+            "^value of Fixed must be a function of time alone",
+        ),
+        (lambda on: Fixed(on, 3), "^components must be one or several of xy in a text, got 3$"),
+        (lambda on: Fixed(on, ""), "^components must be one or several of xy in a text, got ''$"),
+        (
+            lambda on: Viscous(on, LinearElastic),
+            "^material of Viscous must be an object, got the class LinearElastic",
+        ),
+        (
+            lambda on: Viscoelastic(on, 3.0, 1.0),
+            "^material of Viscoelastic lacks density .*p_speed, s_speed, .*got 3.0$",
+        ),
+        (lambda on: Gravity(9.81), r"^g of Gravity must give 2 finite numbers, got array\(9\.81\)"),
+        (lambda on: Traction(on, None), "^value of Traction must give 2 finite numbers, got None$"),
+    ],
+)
 def test_what_terms_refuse(grid, body, term, words):
     for make in (points_with, elements_with):
         with refused(words):
@@ -327,7 +489,7 @@ def test_one_term_and_one_body_need_no_list(grid, body):
     assert points_with(terms=(gravity,), points=(body,))(grid, body).bodies == [body]
 
 
-# -- materials ------------------------------------------------------------------------------------------------------
+# -- materials -------------------------------------------------------------------------------------
 
 
 class Bare:
@@ -370,25 +532,49 @@ class OneName(Capped):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize(("law", "words"), [
-    (Bare(), r"^material lacks lame \(.*\), kinematics \(.*\), history \(.*\), length \(.*\), energy \(.*\), "
-             "{response}, which .*got <.*Bare object"),
-    (Capped(2e6, 0.3, 1e3), "law without history .*Capped is not: its {response} differs .*name what it remembers in"),
-    (NoTension(2e6, 0.3, 1e3), "law without history .*NoTension is not: its {response} differs"),
-    (Softer(2e6, 0.3, 1e3), r"law without history .*Softer is not: .*by 0\.001 of the stress"),
-    (Remembers(2e6, 0.3, 1e3), "^material lacks yields, elastic, plastic_work, which"),
-    (OneName(2e6, 0.3, 1e3), "lacks|history of material must be a tuple of names"),
-])
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (
+            Bare(),
+            r"^material lacks lame \(.*\), kinematics \(.*\), history \(.*\), length \(.*\), "
+            r"energy \(.*\), "
+            "{response}, which .*got <.*Bare object",
+        ),
+        (
+            Capped(2e6, 0.3, 1e3),
+            "law without history .*Capped is not: its {response} differs .*name what it "
+            "remembers in",
+        ),
+        (
+            NoTension(2e6, 0.3, 1e3),
+            "law without history .*NoTension is not: its {response} differs",
+        ),
+        (Softer(2e6, 0.3, 1e3), r"law without history .*Softer is not: .*by 0\.001 of the stress"),
+        (Remembers(2e6, 0.3, 1e3), "^material lacks yields, elastic, plastic_work, which"),
+        (OneName(2e6, 0.3, 1e3), "lacks|history of material must be a tuple of names"),
+    ],
+)
 def test_a_law_that_a_run_would_take_for_another_is_refused(dim, law, words):
     grid = dense.uneven(dim)
-    for make, response in ((lambda: MaterialPoints.fill(grid, law, 2**dim), "respond"),
-                           (lambda: FiniteElements(grid, law, QuasiStatic(1), []), "update")):
+    for make, response in (
+        (lambda: MaterialPoints.fill(grid, law, 2**dim), "respond"),
+        (lambda: FiniteElements(grid, law, QuasiStatic(1), []), "update"),
+    ):
         with refused(words.replace("{response}", response)):
             make()
 
 
-@pytest.mark.parametrize("law", [dense.SOIL, Hencky(2e6, 0.3, 1e3), VonMises(dense.SOIL, 1e3, 1e3, 0.0),
-                                 LinearElastic(1e-3, -0.9, 1.0), LinearElastic(1e12, 0.4999, 1.0)])
+@pytest.mark.parametrize(
+    "law",
+    [
+        dense.SOIL,
+        Hencky(2e6, 0.3, 1e3),
+        VonMises(dense.SOIL, 1e3, 1e3, 0.0),
+        LinearElastic(1e-3, -0.9, 1.0),
+        LinearElastic(1e12, 0.4999, 1.0),
+    ],
+)
 def test_laws_that_are_what_they_say_are_taken(law):
     for dim in (2, 3):
         for response in ("respond", "update"):

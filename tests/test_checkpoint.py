@@ -1,7 +1,8 @@
-"""A run that goes on from a checkpoint in another process is the run that was never stopped, to the last bit.
+"""A run that goes on from a checkpoint in another process is the run that was never stopped, to the
+last bit.
 
-As a script: ``python test_checkpoint.py folder`` goes on with the checkpoints of a folder, one a scene;
-``mpiexec -n 2 python test_checkpoint.py folder ranks`` writes and reads them on two ranks.
+As a script: ``python test_checkpoint.py folder`` goes on with the checkpoints of a folder, one a
+scene; ``mpiexec -n 2 python test_checkpoint.py folder ranks`` writes and reads them on two ranks.
 """
 
 import functools
@@ -49,11 +50,13 @@ STRETCHED = VonMises(Hencky(3e6, 0.3, 1800.0), peak=3e3, residual=1e3, softening
 
 
 def place(dim=2, room=1):
-    """A grid of half metre cells, and how to fill a unit block of it with jittered points, ``room`` cells around."""
+    """A grid of half metre cells, and how to fill a unit block of it with jittered points, ``room``
+    cells around."""
     low, high = np.array((-0.5, -0.5, 0.0)[:dim]) * room, (2.0, 1.5, 1.0)[:dim]
     grid = Grid.box(low, high, (4 + room, 3 + room, 2)[:dim])
-    return grid, lambda law: MaterialPoints.fill(grid, law, 2**dim, lambda x: (abs(x[:2] - 0.5) < 0.5).all(axis=0),
-                                                 jitter=0.3)
+    return grid, lambda law: MaterialPoints.fill(
+        grid, law, 2**dim, lambda x: (abs(x[:2] - 0.5) < 0.5).all(axis=0), jitter=0.3
+    )
 
 
 def push(t, x):
@@ -64,12 +67,17 @@ def push(t, x):
 
 
 def points(law, mapping=DM_GC, dim=2, stepping=None, **keywords):
-    """A body that drifts across cells on springs and dashpots that move with it, pushed from above."""
+    """A body that drifts across cells on springs and dashpots that move with it, pushed from
+    above."""
     grid, fill = place(dim)
     body = fill(law)
     body.velocity = np.tile((6.0, -0.3, 0.0)[:dim], (len(body), 1))
-    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Traction(body.surface("top"), push),
-             Viscoelastic(body.surface("bottom"), SOFT, 3.0), Traction(body.surface("left"), (1e3,) * dim)]
+    terms = [
+        Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        Traction(body.surface("top"), push),
+        Viscoelastic(body.surface("bottom"), SOFT, 3.0),
+        Traction(body.surface("left"), (1e3,) * dim),
+    ]
     return Simulation(grid, body, stepping or Newmark(5e-3), terms, mapping, **keywords)
 
 
@@ -77,8 +85,12 @@ def confined(law, mapping, stepping):
     """A body between smooth walls, pushed from above."""
     grid = Grid.box((0.0, 0.0), (1.0, 1.5), (2, 3))
     body = MaterialPoints.fill(grid, law, 4, lambda x: x[1] < 1.0, jitter=0.3)
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom")), Gravity((0.0, -9.81)),
-             Traction(body.surface("top"), push)]
+    terms = [
+        Fixed(grid.facets("left", "right"), "x"),
+        Fixed(grid.facets("bottom")),
+        Gravity((0.0, -9.81)),
+        Traction(body.surface("top"), push),
+    ]
     return Simulation(grid, body, stepping, terms, mapping)
 
 
@@ -86,18 +98,48 @@ def two_bodies():
     """A stiff body that yields beside a soft one that does not."""
     grid, _ = place(room=0)
     left, right = (
-        MaterialPoints.fill(grid, law, 4, lambda x, low=low: (abs(x[0] - low - 0.25) < 0.25) & (x[1] < 1.0), jitter=0.2)
-        for law, low in ((CLAY, 0.0), (SOFT, 0.5)))
-    return Simulation(grid, [left, right], Newmark(5e-3), [
-        Fixed(grid.facets("bottom")), Traction(right.surface("top"), push), Traction(left.surface("top"), push)], GIMP)
+        MaterialPoints.fill(
+            grid,
+            law,
+            4,
+            lambda x, low=low: (abs(x[0] - low - 0.25) < 0.25) & (x[1] < 1.0),
+            jitter=0.2,
+        )
+        for law, low in ((CLAY, 0.0), (SOFT, 0.5))
+    )
+    return Simulation(
+        grid,
+        [left, right],
+        Newmark(5e-3),
+        [
+            Fixed(grid.facets("bottom")),
+            Traction(right.surface("top"), push),
+            Traction(left.surface("top"), push),
+        ],
+        GIMP,
+    )
 
 
 def elements(law, stepping=None, **keywords):
     """Finite elements on springs and dashpots, pushed from above."""
     grid, stepping = place(room=0)[0], stepping or Newmark(5e-3)
-    base = [Viscoelastic(grid.facets("bottom"), SOFT, 3.0)] if stepping.dynamic else [Fixed(grid.facets("bottom"))]
-    return FiniteElements(grid, law, stepping, [*base, Gravity((0.0, -9.81)), Traction(grid.facets("top"), push),
-                                                Fixed(grid.facets("left"), "x")], **keywords)
+    base = (
+        [Viscoelastic(grid.facets("bottom"), SOFT, 3.0)]
+        if stepping.dynamic
+        else [Fixed(grid.facets("bottom"))]
+    )
+    return FiniteElements(
+        grid,
+        law,
+        stepping,
+        [
+            *base,
+            Gravity((0.0, -9.81)),
+            Traction(grid.facets("top"), push),
+            Fixed(grid.facets("left"), "x"),
+        ],
+        **keywords,
+    )
 
 
 SCENES = {
@@ -108,17 +150,23 @@ SCENES = {
     "B-bar": lambda: points(CLAY, b_bar=True),
     "von Mises": lambda: points(CLAY),
     "von Mises GIMP": lambda: points(CLAY, GIMP),
-    "von Mises, steps cut": lambda: points(CLAY, newton=Newton(tolerance=3e-4, iterations=2, halvings=0)),
+    "von Mises, steps cut": lambda: points(
+        CLAY, newton=Newton(tolerance=3e-4, iterations=2, halvings=0)
+    ),
     "Hencky": lambda: points(Hencky(3e6, 0.3, 1800.0)),
     "finite von Mises": lambda: points(STRETCHED),
     "finite von Mises MPM": lambda: confined(STRETCHED, MPM, Newmark(1e-2)),
-    "generalised α": lambda: points(STRETCHED, stepping=GeneralizedAlpha(5e-3, spectral_radius=0.5)),
+    "generalised α": lambda: points(
+        STRETCHED, stepping=GeneralizedAlpha(5e-3, spectral_radius=0.5)
+    ),
     "two bodies": two_bodies,
     "FE": lambda: elements(SOFT),
     "FE von Mises": lambda: elements(CLAY),
     "FE von Mises static": lambda: elements(CLAY, QuasiStatic(500)),
     "FE Hencky": lambda: elements(STRETCHED),
-    "FE generalised α": lambda: elements(STRETCHED, GeneralizedAlpha(5e-3, spectral_radius=0.5, start=0.5)),
+    "FE generalised α": lambda: elements(
+        STRETCHED, GeneralizedAlpha(5e-3, spectral_radius=0.5, start=0.5)
+    ),
 }
 
 
@@ -147,7 +195,8 @@ def same(found, expected):
 
 @pytest.fixture(scope="module")
 def half(tmp_path_factory):
-    """The folder of checkpoints at half time, and what a process that never stopped has at the end."""
+    """The folder of checkpoints at half time, and what a process that never stopped has at the
+    end."""
     folder, ends, halfway = tmp_path_factory.mktemp("checkpoints"), {}, {}
     for name, scene in SCENES.items():
         run = recorded(scene())
@@ -166,8 +215,13 @@ def half(tmp_path_factory):
 @pytest.fixture(scope="module")
 def resumed(half):
     """Folder of what another process, that starts from the checkpoints, has at the end."""
-    done = subprocess.run([sys.executable, __file__, str(half[0])], env=environment(), capture_output=True, text=True,
-                          timeout=600)
+    done = subprocess.run(
+        [sys.executable, __file__, str(half[0])],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
     assert done.returncode == 0, done.stderr[-4000:]
     return half[0]
 
@@ -186,14 +240,17 @@ def test_another_process_goes_on_bit_for_bit(name, half, resumed):
 
 
 def test_the_scenes_do_what_they_are_there_for(half):
-    """Points change cells, laws yield and soften in both halves, steps are cut, springs and surfaces are there."""
+    """Points change cells, laws yield and soften in both halves, steps are cut, springs and
+    surfaces are there."""
     _, halfway, ends = half
     for name, end in ends.items():
         if "Mises" in name:
             κ = next(v for k, v in end.items() if k.endswith("history"))
             before = next(v for k, v in halfway[name].items() if k.endswith("history"))
             assert before.max() > 1e-4 and κ.max() > before.max(), name
-    assert not np.array_equal(halfway["elastic"]["0/run/bodies/0/cell"], ends["elastic"]["0/run/bodies/0/cell"])
+    assert not np.array_equal(
+        halfway["elastic"]["0/run/bodies/0/cell"], ends["elastic"]["0/run/bodies/0/cell"]
+    )
     assert np.abs(ends["elastic"]["0/run/surfaces/1/displacement"]).max() > 0.1
     run = SCENES["von Mises, steps cut"]()
     cuts, advance = [], run.advance
@@ -205,7 +262,8 @@ def test_the_scenes_do_what_they_are_there_for(half):
 
 @pytest.mark.parametrize("name", ["elastic", "FE von Mises"])
 def test_a_run_goes_back_in_its_own_process(name, half, tmp_path):
-    """Restarted where it stands, after more steps, a run repeats them; its record is as if it had not been further."""
+    """Restarted where it stands, after more steps, a run repeats them; its record is as if it had
+    not been further."""
     folder, _, ends = half
     run = recorded(SCENES[name]())
     for _ in range(STEPS + 3):
@@ -221,10 +279,16 @@ def test_a_run_goes_back_in_its_own_process(name, half, tmp_path):
 def test_without_a_part_of_the_state_the_end_is_another(half, tmp_path):
     """The comparison sees what is missing: each of these, left as it is built, gives other bits."""
     folder, _, ends = half
-    for name, part in (("elastic", "bodies/0/acceleration"), ("elastic", "surfaces/1/displacement"),
-                       ("elastic", "surfaces/0/normal"), ("two bodies", "bodies/0/history"),
-                       ("elastic", "bodies/0/half"), ("FE von Mises", "yielding/elastic"), ("FE", "motion/a"),
-                       ("FE", "surfaces/0/total")):
+    for name, part in (
+        ("elastic", "bodies/0/acceleration"),
+        ("elastic", "surfaces/1/displacement"),
+        ("elastic", "surfaces/0/normal"),
+        ("two bodies", "bodies/0/history"),
+        ("elastic", "bodies/0/half"),
+        ("FE von Mises", "yielding/elastic"),
+        ("FE", "motion/a"),
+        ("FE", "surfaces/0/total"),
+    ):
         run = recorded(SCENES[name]())
         built = run.state()[part].copy()
         run.restart(folder / f"{name}.npz")
@@ -244,7 +308,10 @@ def test_a_checkpoint_looks_last_and_in_its_turn(tmp_path):
     for _ in range(3):
         run.step()
     with np.load(keep.path) as file:
-        assert file["steps"] == 2 and len(file["0/recorders/Probe of velocity at [0.4 0.6]/times"]) == 3
+        assert (
+            file["steps"] == 2
+            and len(file["0/recorders/Probe of velocity at [0.4 0.6]/times"]) == 3
+        )
     assert len(probe.times) == 4 and [p.name for p in keep.path.parent.iterdir()] == ["state.npz"]
 
 
@@ -262,7 +329,7 @@ def test_snapshots_list_what_was_written_before(tmp_path):
     assert listed == [f"block_points_00000{n}.vtu" for n in range(4)]
 
 
-# -- refusals -------------------------------------------------------------------------------------------------------
+# -- refusals --------------------------------------------------------------------------------------
 
 
 def coarse(**keywords):
@@ -274,53 +341,124 @@ def other(**changed):
     """The scene "elastic" with something else."""
     grid, fill = place()
     law = changed.get("law", SOFT)
-    body = fill(law) if "inside" not in changed else MaterialPoints.fill(grid, law, 4, changed["inside"])
+    body = (
+        fill(law)
+        if "inside" not in changed
+        else MaterialPoints.fill(grid, law, 4, changed["inside"])
+    )
     on = body.surface("top") if "side" not in changed else body.surface(*changed["side"])
-    terms = [Gravity(changed.get("g", (0.0, -9.81))), Traction(on, changed.get("push", push)),
-             Viscoelastic(body.surface("bottom"), changed.get("soil", SOFT), changed.get("radius", 3.0)),
-             Traction(body.surface("left"), changed.get("value", (1e3, 1e3)))]
-    return Simulation(grid, body, changed.get("stepping", Newmark(5e-3)), terms[: changed.get("terms", 4)],
-                      changed.get("mapping", DM_GC))
+    terms = [
+        Gravity(changed.get("g", (0.0, -9.81))),
+        Traction(on, changed.get("push", push)),
+        Viscoelastic(body.surface("bottom"), changed.get("soil", SOFT), changed.get("radius", 3.0)),
+        Traction(body.surface("left"), changed.get("value", (1e3, 1e3))),
+    ]
+    return Simulation(
+        grid,
+        body,
+        changed.get("stepping", Newmark(5e-3)),
+        terms[: changed.get("terms", 4)],
+        changed.get("mapping", DM_GC),
+    )
 
 
-@pytest.mark.parametrize(("run", "words"), [
-    (coarse, "grid is 20 cells in 2D, 30 nodes.*here 6 cells in 2D, 12 nodes"),
-    (lambda: elements(SOFT), "run is DM-GC in the checkpoint, and here FE"),
-    (lambda: other(mapping=GIMP), "run is DM-GC in the checkpoint, and here GIMP"),
-    (lambda: other(stepping=Newmark(4e-3)), r"stepping is Newmark\(dt=0.005,.* here Newmark\(dt=0.004,"),
-    (lambda: other(law=LinearElastic(4e6, 0.3, 1800.0)), "body 0 is 16 points of .*3000000.0.* here .*4000000.0"),
-    (lambda: other(inside=lambda x: x[1] < 1.0), "body 0 is 16 points .* here 60 points"),
-    (lambda: other(terms=3), "terms is Gravity, Traction, Viscoelastic, Traction in .* here .*Viscoelastic$"),
-    (lambda: other(g=(0.0, -9.8)),
-     r"term 0, Gravity is Gravity\(g=\[0.0, -9.81\]\) in .* here Gravity\(g=\[0.0, -9.8\]\)"),
-    (lambda: other(g=lambda t: (0.0, -9.81)), r"term 0, Gravity is .* here Gravity\(g=<lambda>\)"),
-    (lambda: other(value=(1e3, 2e3)), r"term 3, Traction is Traction\(on=surface points, value=\[1000.0, 1000.0\]\)"),
-    (lambda: other(radius=4.0), r"term 2, Viscoelastic is .*radius=3.0\) in .*radius=4.0\)"),
-    (lambda: other(soil=LinearElastic(4e6, 0.3, 1800.0)), r"term 2, Viscoelastic is .*young=3000000.0.*young=4000000"),
-    (lambda: other(push=np.zeros((8, 2))), r"term 1, Traction is .*value=push\) in .*value=array \(8, 2\) 0, 0.0"),
-    (lambda: other(side=("top", "right")), r"surfaces/0/x is \('float64', \(8, 2\)\) .* here \('float64', \(16, 2\)\)"),
-], ids=["grid", "FE", "mapping", "dt", "material", "points", "terms", "gravity",
-        "function", "traction", "radius", "soil", "array", "surface"])
+@pytest.mark.parametrize(
+    ("run", "words"),
+    [
+        (coarse, "grid is 20 cells in 2D, 30 nodes.*here 6 cells in 2D, 12 nodes"),
+        (lambda: elements(SOFT), "run is DM-GC in the checkpoint, and here FE"),
+        (lambda: other(mapping=GIMP), "run is DM-GC in the checkpoint, and here GIMP"),
+        (
+            lambda: other(stepping=Newmark(4e-3)),
+            r"stepping is Newmark\(dt=0.005,.* here Newmark\(dt=0.004,",
+        ),
+        (
+            lambda: other(law=LinearElastic(4e6, 0.3, 1800.0)),
+            "body 0 is 16 points of .*3000000.0.* here .*4000000.0",
+        ),
+        (lambda: other(inside=lambda x: x[1] < 1.0), "body 0 is 16 points .* here 60 points"),
+        (
+            lambda: other(terms=3),
+            "terms is Gravity, Traction, Viscoelastic, Traction in .* here .*Viscoelastic$",
+        ),
+        (
+            lambda: other(g=(0.0, -9.8)),
+            r"term 0, Gravity is Gravity\(g=\[0.0, -9.81\]\) in .* here Gravity\(g=\[0.0, -9.8\]\)",
+        ),
+        (
+            lambda: other(g=lambda t: (0.0, -9.81)),
+            r"term 0, Gravity is .* here Gravity\(g=<lambda>\)",
+        ),
+        (
+            lambda: other(value=(1e3, 2e3)),
+            r"term 3, Traction is Traction\(on=surface points, value=\[1000.0, 1000.0\]\)",
+        ),
+        (lambda: other(radius=4.0), r"term 2, Viscoelastic is .*radius=3.0\) in .*radius=4.0\)"),
+        (
+            lambda: other(soil=LinearElastic(4e6, 0.3, 1800.0)),
+            r"term 2, Viscoelastic is .*young=3000000.0.*young=4000000",
+        ),
+        (
+            lambda: other(push=np.zeros((8, 2))),
+            r"term 1, Traction is .*value=push\) in .*value=array \(8, 2\) 0, 0.0",
+        ),
+        (
+            lambda: other(side=("top", "right")),
+            r"surfaces/0/x is \('float64', \(8, 2\)\) .* here \('float64', \(16, 2\)\)",
+        ),
+    ],
+    ids=[
+        "grid",
+        "FE",
+        "mapping",
+        "dt",
+        "material",
+        "points",
+        "terms",
+        "gravity",
+        "function",
+        "traction",
+        "radius",
+        "soil",
+        "array",
+        "surface",
+    ],
+)
 def test_another_scene_is_refused_by_name_and_value(run, words, half):
     run, path = run(), half[0] / "elastic.npz"
     before = {name: value.copy() for name, value in run.state().items()}
     with pytest.raises(ValueError, match=f"elastic.npz: .*{words}"):
         run.restart(path)
-    assert run.steps == 0 and all(np.array_equal(before[name], value) for name, value in run.state().items())
+    assert run.steps == 0 and all(
+        np.array_equal(before[name], value) for name, value in run.state().items()
+    )
 
 
 def test_words_of_a_scene_are_the_same_in_another_process():
     """No address is in them, and round-off is not seen; numbers are."""
+
     class Law:
         def __init__(self, cohesion):
             self.cohesion, self.memory = cohesion, object()
 
     x = np.random.default_rng(1).normal(size=(9, 2))
-    for one, two in ((Law(1.0), Law(1.0)), (x, x * (1 + 1e-14)), (lambda t: t, lambda t: 2 * t),
-                     (functools.partial(push, 1.0), functools.partial(push, 2.0)), (Law(2.0).__init__, Law.__init__)):
+    for one, two in (
+        (Law(1.0), Law(1.0)),
+        (x, x * (1 + 1e-14)),
+        (lambda t: t, lambda t: 2 * t),
+        (functools.partial(push, 1.0), functools.partial(push, 2.0)),
+        (Law(2.0).__init__, Law.__init__),
+    ):
         assert described(one) == described(two)
         assert " at 0x" not in described(one)
-    for one, two in ((Law(1.0), Law(2.0)), (x, x[::-1]), (x, -x), (x, 2 * x), (x, x[:8]), ((1.0, 2.0), (1.0, 3.0))):
+    for one, two in (
+        (Law(1.0), Law(2.0)),
+        (x, x[::-1]),
+        (x, -x),
+        (x, 2 * x),
+        (x, x[:8]),
+        ((1.0, 2.0), (1.0, 3.0)),
+    ):
         assert described(one) != described(two)
 
 
@@ -344,14 +482,24 @@ def test_a_recorder_without_a_past_is_refused_and_one_that_is_gone_is_not_missed
         run.record(Energy())
         run.record(recorder)
         label = "Energy 2" if isinstance(recorder, Energy) else r"Probe of stress at \[0.5 0.5\]"
-        with pytest.raises(ValueError, match=rf"recorder {label} is not in the checkpoint, which has \['Energy', 'Pro"):
+        with pytest.raises(
+            ValueError,
+            match=rf"recorder {label} is not in the checkpoint, which has \['Energy', 'Pro",
+        ):
             run.restart(half[0] / "elastic.npz")
         assert run.steps == 0
 
 
-@pytest.mark.parametrize("spoil", [lambda b: b"", lambda b: b"a table of numbers", lambda b: b[: len(b) // 2],
-                                   lambda b: b[:1000] + b"\xff\x00\xff" + b[1003:]],
-                         ids=["empty", "other", "cut off", "flipped"])
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda b: b"",
+        lambda b: b"a table of numbers",
+        lambda b: b[: len(b) // 2],
+        lambda b: b[:1000] + b"\xff\x00\xff" + b[1003:],
+    ],
+    ids=["empty", "other", "cut off", "flipped"],
+)
 def test_a_file_that_is_no_checkpoint_is_refused(spoil, half, tmp_path):
     path = tmp_path / "state.npz"
     path.write_bytes(spoil((half[0] / "FE.npz").read_bytes()))
@@ -377,7 +525,9 @@ def test_a_path_that_cannot_be_written_is_refused_when_attached(tmp_path):
     (tmp_path / "folder").mkdir()
     run = elements(SOFT)
     for path in (tmp_path / "file" / "state.npz", tmp_path / "folder"):
-        with pytest.raises(OSError, match=rf"FE, step 0, t = 0: no checkpoint can be written: .*{path.name}") as caught:
+        with pytest.raises(
+            OSError, match=rf"FE, step 0, t = 0: no checkpoint can be written: .*{path.name}"
+        ) as caught:
             run.record(Checkpoint(path))
         assert isinstance(caught.value, RunError)
     with pytest.raises(ValueError, match="path must end in a name"):
@@ -385,7 +535,7 @@ def test_a_path_that_cannot_be_written_is_refused_when_attached(tmp_path):
     assert not run.recorders and not list((tmp_path / "folder").iterdir())
 
 
-# -- other processes ------------------------------------------------------------------------------------------------
+# -- other processes -------------------------------------------------------------------------------
 
 
 def go_on(folder):
@@ -399,19 +549,44 @@ def go_on(folder):
 
 
 def on_ranks(folder):
-    """Write, go back and go on, on each rank of several; a FE run and one of points that stay with their ranks."""
+    """Write, go back and go on, on each rank of several; a FE run and one of points that stay with
+    their ranks."""
+
     def still():
         grid, fill = place(room=0)
-        return Simulation(grid, fill(SOFT), Newmark(1e-4), [Fixed(grid.facets("bottom"), "y"), Gravity((0.0, -9.81))])
+        return Simulation(
+            grid,
+            fill(SOFT),
+            Newmark(1e-4),
+            [Fixed(grid.facets("bottom"), "y"), Gravity((0.0, -9.81))],
+        )
 
-    for name, scene in (("points", still), ("FE", lambda: elements(SOFT, reassemble=True, solver={
-            "ksp_type": "cg", "pc_type": "asm", "pc_asm_type": "basic", "sub_pc_type": "icc"}))):
+    for name, scene in (
+        ("points", still),
+        (
+            "FE",
+            lambda: elements(
+                SOFT,
+                reassemble=True,
+                solver={
+                    "ksp_type": "cg",
+                    "pc_type": "asm",
+                    "pc_asm_type": "basic",
+                    "sub_pc_type": "icc",
+                },
+            ),
+        ),
+    ):
         run = recorded(scene())
         keep = run.record(Checkpoint(folder / f"{name} ranks.npz", every=STEPS))
         run.until(STEPS * run.stepping.dt)
         run.recorders.remove(keep)
         run.until(2 * STEPS * run.stepping.dt)
-        end = everything(run, folder / "one.npz") if run.grid.comm.rank == 0 else Checkpoint(folder / "one.npz")(run)
+        end = (
+            everything(run, folder / "one.npz")
+            if run.grid.comm.rank == 0
+            else Checkpoint(folder / "one.npz")(run)
+        )
         again = recorded(scene())
         again.restart(folder / f"{name} ranks.npz")
         again.until(2 * STEPS * run.stepping.dt)
@@ -428,7 +603,17 @@ def on_ranks(folder):
 def test_two_ranks_go_on_bit_for_bit_and_one_cannot_read_theirs(tmp_path):
     if mpiexec() is None:
         pytest.skip("no mpiexec beside Python or on PATH")
-    command = [mpiexec(), "-n", "2", sys.executable, "-m", "mpi4py", __file__, str(tmp_path), "ranks"]
+    command = [
+        mpiexec(),
+        "-n",
+        "2",
+        sys.executable,
+        "-m",
+        "mpi4py",
+        __file__,
+        str(tmp_path),
+        "ranks",
+    ]
     done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stdout + done.stderr[-4000:]
     assert done.stdout.count("refused") == 4

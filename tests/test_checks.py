@@ -38,7 +38,9 @@ def test_positive_excludes_zero(value):
 def test_between_excludes_both_ends():
     assert between("poisson", math.nextafter(0.5, 0), -1, 0.5) < 0.5
     for end in (-1, 0.5):
-        with pytest.raises(ValueError, match=r"poisson must lie between -1 and 0\.5, both excluded"):
+        with pytest.raises(
+            ValueError, match=r"poisson must lie between -1 and 0\.5, both excluded"
+        ):
             between("poisson", end, -1, 0.5)
 
 

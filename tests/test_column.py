@@ -11,7 +11,11 @@ import column
 
 
 def measured(base, load, mapping=None, until=None):
-    run = column.finite_elements(base, load) if mapping is None else column.material_points(base, load, mapping)
+    run = (
+        column.finite_elements(base, load)
+        if mapping is None
+        else column.material_points(base, load, mapping)
+    )
     return column.measure(run, base, load, until)[0]
 
 
@@ -56,7 +60,11 @@ def test_an_unstable_run_is_reported_not_hidden():
     run = column.material_points("viscous", 300e3)
     run.step = lambda: (_ for _ in ()).throw(column.RunError("DM-GC, step 1: made to fail"))
     row, _ = column.measure(run, "viscous", 300e3)
-    assert row["unstable_at_step"] == 1 and row["error_pressure_mid"] is None and "made to fail" in row["reason"]
+    assert (
+        row["unstable_at_step"] == 1
+        and row["error_pressure_mid"] is None
+        and "made to fail" in row["reason"]
+    )
 
 
 def test_the_script_writes_figure_and_rows(tmp_path, monkeypatch):
@@ -65,5 +73,11 @@ def test_the_script_writes_figure_and_rows(tmp_path, monkeypatch):
     assert all(row["steps"] == 170 for row in rows)
     assert json.loads((tmp_path / "column.json").read_text()) == rows
     assert {(row["mapping"], row["load_kpa"]) for row in rows} == {
-        ("FE", 300.0), ("MPM", 300.0), ("GIMP", 300.0), ("DM-GC", 300.0), ("FE", 0.3), ("DM-GC", 0.3)}
+        ("FE", 300.0),
+        ("MPM", 300.0),
+        ("GIMP", 300.0),
+        ("DM-GC", 300.0),
+        ("FE", 0.3),
+        ("DM-GC", 0.3),
+    }
     assert (tmp_path / "column.png").stat().st_size > 10_000

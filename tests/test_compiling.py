@@ -29,7 +29,8 @@ def area(scale):
 
 
 def half_made(cache, age):
-    """Make all that is compiled in the cache what it is while another process compiles it, since ``age`` seconds."""
+    """Make all that is compiled in the cache what it is while another process compiles it, since
+    ``age`` seconds."""
     sources = [file for file in cache.iterdir() if file.name.endswith(".c")]
     for file in cache.iterdir():
         if file not in sources:

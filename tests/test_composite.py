@@ -27,7 +27,10 @@ class Polynomial:
     """Random polynomial vector, of its own degree in each direction (dim,), centred on a place."""
 
     def __init__(self, degree, centre, rng):
-        self.centre, self.coefficient = centre, rng.normal(size=(len(degree), *(k + 1 for k in degree)))
+        self.centre, self.coefficient = (
+            centre,
+            rng.normal(size=(len(degree), *(k + 1 for k in degree))),
+        )
 
     def __call__(self, x, along=None):
         out = self.coefficient[None] * np.ones((len(x),) + (1,) * self.coefficient.ndim)
@@ -44,8 +47,8 @@ class Polynomial:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_gradients_are_exact_for_cubics_inside_and_quadratics_at_edges(grid, hats, seed):
-    """Degree 3 where both neighbours are there, 2 at one-sided edges, and linear across: in every cell of an uneven
-    grid."""
+    """Degree 3 where both neighbours are there, 2 at one-sided edges, and linear across: in every
+    cell of an uneven grid."""
     rng = np.random.default_rng(seed)
     patch = composite(grid)
     degrees = 1 + (grid.lattice.neighbour >= 0).sum(axis=2)
@@ -56,9 +59,15 @@ def test_gradients_are_exact_for_cubics_inside_and_quadratics_at_edges(grid, hat
         for d in range(grid.dim):
             degree = np.where(np.arange(grid.dim) == d, degrees[c], 1)
             f = Polynomial(degree, x[c], rng)
-            computed = patch.gradient_at_points(x[c : c + 1], cells[c : c + 1], f(hats.node))[0, :, d]
-            scale = np.abs(f(hats.node[np.unique(grid.lattice.patch[c][grid.lattice.patch[c] >= 0])])).max()
-            np.testing.assert_allclose(computed, f(x[c : c + 1], along=d)[0], rtol=0, atol=1e-11 * max(scale, 1))
+            computed = patch.gradient_at_points(x[c : c + 1], cells[c : c + 1], f(hats.node))[
+                0, :, d
+            ]
+            scale = np.abs(
+                f(hats.node[np.unique(grid.lattice.patch[c][grid.lattice.patch[c] >= 0])])
+            ).max()
+            np.testing.assert_allclose(
+                computed, f(x[c : c + 1], along=d)[0], rtol=0, atol=1e-11 * max(scale, 1)
+            )
 
 
 def test_a_lone_cell_is_bilinear(grid, hats):
@@ -67,14 +76,19 @@ def test_a_lone_cell_is_bilinear(grid, hats):
     rng = np.random.default_rng(0)
     x = inside(grid, cell, rng)
     f = Polynomial((1,) * grid.dim, x[0], rng)
-    np.testing.assert_allclose(composite(grid, filled).gradient_at_points(x, cell, f(hats.node)), f.gradient(x),
-                               rtol=0, atol=1e-11)
+    np.testing.assert_allclose(
+        composite(grid, filled).gradient_at_points(x, cell, f(hats.node)),
+        f.gradient(x),
+        rtol=0,
+        atol=1e-11,
+    )
 
 
 @few
 @given(seed=st.integers(0, 10**6), share=st.floats(0.3, 0.95))
 def test_patches_use_cells_with_points_only(grid, hats, seed, share):
-    """Whatever is written on nodes of empty cells changes no digit; degrees follow the neighbours with material."""
+    """Whatever is written on nodes of empty cells changes no digit; degrees follow the neighbours
+    with material."""
     rng = np.random.default_rng(seed)
     filled = rng.random(grid.cells) < share
     filled[0] = True
@@ -94,14 +108,22 @@ def test_patches_use_cells_with_points_only(grid, hats, seed, share):
             degree = np.ones(grid.dim, int)
             degree[d] = 1 + has[c, d].sum()
             f = Polynomial(degree, place, rng)
-            found = patch.gradient_at_points(place[None], np.array([c], np.int32), f(hats.node))[0, :, d]
+            found = patch.gradient_at_points(place[None], np.array([c], np.int32), f(hats.node))[
+                0, :, d
+            ]
             scale = np.abs(f(hats.node[lattice.patch[c][lattice.patch[c] >= 0]])).max()
-            np.testing.assert_allclose(found, f.gradient(place[None])[0, :, d], rtol=0, atol=1e-11 * max(scale, 1))
+            np.testing.assert_allclose(
+                found, f.gradient(place[None])[0, :, d], rtol=0, atol=1e-11 * max(scale, 1)
+            )
 
 
 PUBLISHED = {
-    "middle": lambda s: [-(s + 1) * (s - 1) * (s - 3) / 48, (s + 3) * (s - 1) * (s - 3) / 16,
-                         -(s + 3) * (s + 1) * (s - 3) / 16, (s + 3) * (s + 1) * (s - 1) / 48],
+    "middle": lambda s: [
+        -(s + 1) * (s - 1) * (s - 3) / 48,
+        (s + 3) * (s - 1) * (s - 3) / 16,
+        -(s + 3) * (s + 1) * (s - 3) / 16,
+        (s + 3) * (s + 1) * (s - 1) / 48,
+    ],
     "left": lambda s: [(s - 1) * (s - 3) / 8, -(s + 1) * (s - 3) / 4, (s + 1) * (s - 1) / 8],
     "right": lambda s: [(s + 1) * (s - 1) / 8, -(s - 1) * (s + 3) / 4, (s + 1) * (s + 3) / 8],
 }
@@ -109,7 +131,8 @@ PUBLISHED = {
 
 @pytest.mark.parametrize("place, cell, first", [("middle", 1, 0), ("left", 0, 0), ("right", 2, 1)])
 def test_the_published_shape_functions_come_out(place, cell, first):
-    """On three equal cells with nodes at ξ = −3, −1, 1, 3 about the middle one: slopes dN/dξ · 2/h."""
+    """On three equal cells with nodes at ξ = −3, −1, 1, 3 about the middle one: slopes dN/dξ ·
+    2/h."""
     h, ξ = 0.7, np.linspace(-0.95, 0.95, 7)
     grid = Grid.box((4.0, -1.0), (4.0 + 3 * h, 2.0), (3, 3))
     node = grid.space.tabulate_dof_coordinates()[:, :2]

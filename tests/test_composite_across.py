@@ -12,7 +12,7 @@ import composite_across as study
 from mpm_fenicsx import Grid
 
 
-def test_along_a_direction_both_are_the_same_and_for_products_of_squares_the_tensor_product_is_exact():
+def test_both_are_the_same_along_and_the_tensor_product_is_exact_for_products_of_squares():
     grid, rng = Grid.box((0, 0), (3, 3), (3, 3)), np.random.default_rng(1)
     x, node = rng.uniform(1, 2, (5, 2)), grid.space.tabulate_dof_coordinates()[:, :2]
     cell, found = grid.find(x), {}
@@ -28,7 +28,10 @@ def test_along_a_direction_both_are_the_same_and_for_products_of_squares_the_ten
 
 
 def test_linear_is_more_accurate_and_lets_no_energy_grow(tmp_path):
-    rows = {(row["across"], row["scene"]): row for row in study.main(["--quick", "--results", str(tmp_path)])}
+    rows = {
+        (row["across"], row["scene"]): row
+        for row in study.main(["--quick", "--results", str(tmp_path)])
+    }
     assert (tmp_path / "composite_across.json").exists()
     for kind in ("shear", "pressure"):
         linear, tensor = (rows[across, f"{kind} wave, 10 cells"] for across in study.ACROSS)

@@ -37,20 +37,40 @@ SOIL = LinearElastic(young=20e6, poisson=0.0, density=1500.0)
 C = SOIL.p_speed
 
 
-def bars(mapping=DM_GC, n=(10, 10), gap=0.0, velocities=(0.5e-3, -0.5e-3), courant=0.5, places=0.0, soils=(SOIL, SOIL),
-         stepping=None):
-    """Two bars of ``n`` cells on a line, ``gap`` cells apart, at ``velocities`` (c), ``places`` cells off the lines."""
+def bars(
+    mapping=DM_GC,
+    n=(10, 10),
+    gap=0.0,
+    velocities=(0.5e-3, -0.5e-3),
+    courant=0.5,
+    places=0.0,
+    soils=(SOIL, SOIL),
+    stepping=None,
+):
+    """Two bars of ``n`` cells on a line, ``gap`` cells apart, at ``velocities`` (c), ``places``
+    cells off the lines."""
     cells = sum(n) + 8
-    grid, stepping = Grid.box((0, 0), (cells * H, H), (cells, 1)), stepping or Newmark(courant * H / C)
+    grid, stepping = (
+        Grid.box((0, 0), (cells * H, H), (cells, 1)),
+        stepping or Newmark(courant * H / C),
+    )
     runs = []
     for k, start in ((0, 3), (1, 4 + n[0])):
-        body = MaterialPoints.fill(grid, soils[k], 4, inside=lambda x, a=start, k=k: (x[0] > a * H)
-                                   & (x[0] < (a + n[k]) * H))
+        body = MaterialPoints.fill(
+            grid,
+            soils[k],
+            4,
+            inside=lambda x, a=start, k=k: (x[0] > a * H) & (x[0] < (a + n[k]) * H),
+        )
         body.x[:, 0] += (places + k * (gap - 1)) * H
         body.velocity = np.tile([velocities[k] * C, 0.0], (len(body), 1))
-        runs.append(Simulation(grid, body, stepping, [Fixed(grid.facets("bottom", "top"), "y")], mapping))
+        runs.append(
+            Simulation(grid, body, stepping, [Fixed(grid.facets("bottom", "top"), "y")], mapping)
+        )
     left, right = runs
-    return Contact((left, left.bodies[0].surface("right")), (right, right.bodies[0].surface("left")))
+    return Contact(
+        (left, left.bodies[0].surface("right")), (right, right.bodies[0].surface("left"))
+    )
 
 
 def momentum(run):
@@ -62,7 +82,8 @@ def mean(body):
 
 
 def follow(run, travel, n):
-    """Forces on the first body, momenta and energies after each step, for ``travel`` times n H/c."""
+    """Forces on the first body, momenta and energies after each step, for ``travel`` times n
+    H/c."""
     found = []
     while run.time < travel * n * H / C:
         run.step()
@@ -70,7 +91,7 @@ def follow(run, travel, n):
     return np.array(found)
 
 
-# -- forces that only push ------------------------------------------------------------------------------------------
+# -- forces that only push -------------------------------------------------------------------------
 
 
 def by_enumeration(S, g):
@@ -118,17 +139,22 @@ def faced(dim, seed=0):
     rng = np.random.default_rng(seed)
     runs = []
     for k in range(2):
-        body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda y, k=k: (y[0] < split) == (k == 0))
+        body = MaterialPoints.fill(
+            grid, SOIL, 2**dim, inside=lambda y, k=k: (y[0] < split) == (k == 0)
+        )
         body.half[:, 0] *= 1.0 - 0.1 * k
         runs.append(Simulation(grid, body, Newmark(1e-3), []))
-    run = Contact((runs[0], runs[0].bodies[0].surface("right")), (runs[1], runs[1].bodies[0].surface("left")))
+    run = Contact(
+        (runs[0], runs[0].bodies[0].surface("right")), (runs[1], runs[1].bodies[0].surface("left"))
+    )
     run.attempt(0.0, 1e-3, run.stepping)
     return run, grid, rng
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_force_and_back_force_are_one_line(dim):
-    """Resultant and moment of the nodal forces vanish; gaps are those of flat faces, and open as rigid motion says."""
+    """Resultant and moment of the nodal forces vanish; gaps are those of flat faces, and open as
+    rigid motion says."""
     run, grid, rng = faced(dim)
     gaps, place = run.gaps, grid.space.tabulate_dof_coordinates()[:, :dim]
     nearest = run.runs[1].bodies[0]
@@ -143,7 +169,9 @@ def test_force_and_back_force_are_one_line(dim):
     assert gaps.opening(u) == pytest.approx(np.full(len(gaps.start), (u[1] - u[0])[0, 0]))
     λ = rng.uniform(size=len(gaps.start))  # forces are the transpose of opening
     v = [rng.normal(size=(grid.nodes, dim)) for _ in range(2)]
-    assert gaps.opening(v) @ λ == pytest.approx(sum((f * x).sum() for f, x in zip(gaps.forces(λ), v, strict=True)))
+    assert gaps.opening(v) @ λ == pytest.approx(
+        sum((f * x).sum() for f, x in zip(gaps.forces(λ), v, strict=True))
+    )
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -157,9 +185,12 @@ def test_a_uniform_pressure_is_among_the_forces(dim):
 
 
 def test_only_faces_that_look_at_one_another():
-    """Of all sides of a thin plate and a block, those between them; what lies beside the other's faces is left out."""
+    """Of all sides of a thin plate and a block, those between them; what lies beside the other's
+    faces is left out."""
     grid = Grid.box((0, 0), (6 * H, 6 * H), (6, 6))
-    plate = MaterialPoints.fill(grid, SOIL, 16, inside=lambda x: (np.abs(x[0] - 2.9 * H) < 0.1 * H) & (x[1] > H))
+    plate = MaterialPoints.fill(
+        grid, SOIL, 16, inside=lambda x: (np.abs(x[0] - 2.9 * H) < 0.1 * H) & (x[1] > H)
+    )
     block = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] > 3 * H) & (x[1] < 4 * H))
     runs = [Simulation(grid, body, Newmark(1e-3), []) for body in (plate, block)]
     sides = "left", "right", "bottom", "top"
@@ -172,15 +203,17 @@ def test_only_faces_that_look_at_one_another():
     assert pair.gap == pytest.approx(np.zeros(len(pair.gap)), abs=1e-12)
 
 
-# -- bars -----------------------------------------------------------------------------------------------------------
+# -- bars ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("places", [0.0, 0.2, 0.37])  # 0.2: an edge in a cell without points
 @pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
 def test_equal_bars_exchange_velocities(mapping, places):
-    """d'Alembert: stress −ρ c v for 2L/c, then the bars have exchanged velocities; n = 10 cells a bar.
+    """d'Alembert: stress −ρ c v for 2L/c, then the bars have exchanged velocities; n = 10 cells a
+    bar.
 
-    The nodes at the contact, 1/2n of a bar, meet inelastically: of the velocity exchanged as much may be lost.
+    The nodes at the contact, 1/2n of a bar, meet inelastically: of the velocity exchanged as much
+    may be lost.
     """
     n = 10
     run = bars(mapping, (n, n), places=places)
@@ -202,8 +235,11 @@ def test_equal_bars_exchange_velocities(mapping, places):
 
 def test_force_is_what_changes_momentum():
     """Whatever the rule: impulse is what a body has got in the end."""
-    for stepping in (Newmark(0.5 * H / C), GeneralizedAlpha(0.7 * H / C, spectral_radius=0.5),
-                     GeneralizedAlpha(0.7 * H / C, spectral_radius=0.5, start=0.4)):
+    for stepping in (
+        Newmark(0.5 * H / C),
+        GeneralizedAlpha(0.7 * H / C, spectral_radius=0.5),
+        GeneralizedAlpha(0.7 * H / C, spectral_radius=0.5, start=0.4),
+    ):
         run = bars(n=(4, 4), stepping=stepping)
         left = run.bodies[0]
         before, found = mean(left)[0], follow(run, 8.0, 4)
@@ -242,25 +278,32 @@ def test_three_bodies_in_a_row():
     cells = 3 * n + 12
     grid, stepping, runs = Grid.box((0, 0), (cells * H, H), (cells, 1)), Newmark(0.5 * H / C), []
     for k in range(3):
-        body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x, k=k: (x[0] > (3 + k * n) * H)
-                                   & (x[0] < (3 + (k + 1) * n) * H))
+        body = MaterialPoints.fill(
+            grid,
+            SOIL,
+            4,
+            inside=lambda x, k=k: (x[0] > (3 + k * n) * H) & (x[0] < (3 + (k + 1) * n) * H),
+        )
         body.velocity = np.tile([1e-3 * C if k == 0 else 0.0, 0.0], (len(body), 1))
         runs.append(Simulation(grid, body, stepping, [Fixed(grid.facets("bottom", "top"), "y")]))
     run = Contact(*((one, one.bodies[0].surface("left", "right")) for one in runs))
     p0 = momentum(run)
     follow(run, 5.0, n)
     assert momentum(run) == pytest.approx(p0, rel=1e-13)
-    assert [mean(body)[0] / (1e-3 * C) for body in run.bodies] == pytest.approx([0.0, 0.0, 1.0], abs=0.15)
+    assert [mean(body)[0] / (1e-3 * C) for body in run.bodies] == pytest.approx(
+        [0.0, 0.0, 1.0], abs=0.15
+    )
 
 
-# -- statics, gravity, sliding --------------------------------------------------------------------------------------
+# -- statics, gravity, sliding ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("swap", [False, True])
 @pytest.mark.parametrize("ratio", [1.0, 100.0])
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
 def test_bars_in_series(mapping, ratio, swap):
-    """A traction p stretches a bar through a gap g against another: q = (p a − g)/(a + b), a and b being L/E.
+    """A traction p stretches a bar through a gap g against another: q = (p a − g)/(a + b), a and b
+    being L/E.
 
     Exact but for the change of lengths, ε = 1e-4.
     """
@@ -269,14 +312,21 @@ def test_bars_in_series(mapping, ratio, swap):
     g = 0.5 * p * a
     grid = Grid.box((0, 0), ((na + nb) * H, 2 * H), (na + nb, 2))
     soils = [LinearElastic(E, 0.0, 1500.0) for E in (20e6, 20e6 * ratio)]
-    left, right = (MaterialPoints.fill(grid, soil, 4, inside=lambda x, k=k: (x[0] < na * H) == (k == 0))
-                   for k, soil in enumerate(soils))
+    left, right = (
+        MaterialPoints.fill(grid, soil, 4, inside=lambda x, k=k: (x[0] < na * H) == (k == 0))
+        for k, soil in enumerate(soils)
+    )
     for value in (left.x[:, 0], left.half[:, 0], left.volume):
         value *= 1.0 - g / (na * H)
     end, start = left.surface("right"), right.surface("left")
     smooth = Fixed(grid.facets("bottom", "top"), "y")
-    one = Simulation(grid, left, QuasiStatic(2), [smooth, Fixed(grid.facets("left")),
-                                                  Traction(end, lambda t: (p * t, 0.0))], mapping)
+    one = Simulation(
+        grid,
+        left,
+        QuasiStatic(2),
+        [smooth, Fixed(grid.facets("left")), Traction(end, lambda t: (p * t, 0.0))],
+        mapping,
+    )
     two = Simulation(grid, right, QuasiStatic(2), [smooth, Fixed(grid.facets("right"))], mapping)
     run = Contact(*[(one, end), (two, start)][:: -1 if swap else 1])
     run.step()
@@ -292,10 +342,19 @@ def resting(dim=2, slide=0.0, ramp=None):
     """A block on a wider one, under gravity that comes within ``ramp`` steps."""
     soil, y = LinearElastic(20e6, 0.3, 1500.0), dim - 1
     cells = (*(9,) * (dim - 1), 5)
-    grid, stepping = Grid.box((0,) * dim, tuple(n * H for n in cells), cells), Newmark(0.5 * H / soil.p_speed)
+    grid, stepping = (
+        Grid.box((0,) * dim, tuple(n * H for n in cells), cells),
+        Newmark(0.5 * H / soil.p_speed),
+    )
     base = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: x[y] < 2 * H)
-    block = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: (x[y] > 2 * H) & (x[y] < 4 * H) & np.all(
-        (x[:y] > 3 * H) & (x[:y] < 6 * H), axis=0))
+    block = MaterialPoints.fill(
+        grid,
+        soil,
+        2**dim,
+        inside=lambda x: (
+            (x[y] > 2 * H) & (x[y] < 4 * H) & np.all((x[:y] > 3 * H) & (x[:y] < 6 * H), axis=0)
+        ),
+    )
     block.velocity = np.zeros_like(block.x)
     block.velocity[:, 0] = slide
     weight = Gravity(lambda t: (0.0,) * y + (-9.81 * min(1.0, t / (ramp * stepping.dt)),))
@@ -307,7 +366,8 @@ def resting(dim=2, slide=0.0, ramp=None):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_block_bears_its_weight_and_slides_on(dim):
-    """The force is the weight, on average over the swing of the block; what slides without friction keeps sliding."""
+    """The force is the weight, on average over the swing of the block; what slides without friction
+    keeps sliding."""
     run = resting(dim, slide=0.5, ramp=60 if dim == 3 else 120)
     block, found = run.bodies[0], []
     weight = 9.81 * block.mass.sum()
@@ -322,10 +382,12 @@ def test_a_block_bears_its_weight_and_slides_on(dim):
     assert mean(block)[0] == pytest.approx(0.5, rel=1e-3)
 
 
-@pytest.mark.parametrize("elastic", [SOIL, Hencky(20e6, 0.0, 1500.0)], ids=["small strain", "finite strain"])
+@pytest.mark.parametrize(
+    "elastic", [SOIL, Hencky(20e6, 0.0, 1500.0)], ids=["small strain", "finite strain"]
+)
 def test_yielding_blocks(elastic):
-    """Forces and yielding agree: gaps close to what is asked, and momentum stays.  Before they meet no force is at
-    work in them, and what Newton leaves of inertia is round-off."""
+    """Forces and yielding agree: gaps close to what is asked, and momentum stays.  Before they meet
+    no force is at work in them, and what Newton leaves of inertia is round-off."""
     soil = VonMises(elastic, 20e3, 20e3, 0.0)
     run = bars(n=(4, 4), gap=0.015, velocities=(0.01, -0.01), soils=(soil, soil), courant=0.25)
     v, p0 = 0.01 * C, momentum(run)
@@ -333,13 +395,15 @@ def test_yielding_blocks(elastic):
     for _ in range(20):
         run.attempt(run.time, run.next_time, run.stepping)
         gap, λ = run._gap(), run.gaps.λ
-        assert gap.min() > -2e-6 * deepest and np.abs(gap[λ > 0.0]).max(initial=0.0) < 2e-6 * deepest
+        assert (
+            gap.min() > -2e-6 * deepest and np.abs(gap[λ > 0.0]).max(initial=0.0) < 2e-6 * deepest
+        )
         run.step()
     assert run.bodies[0].history[:, 0].max() > 0.0
     assert np.abs(momentum(run) - p0).max() < 1e-9 * run.bodies[0].mass.sum() * v
 
 
-# -- a run like others ----------------------------------------------------------------------------------------------
+# -- a run like others -----------------------------------------------------------------------------
 
 
 def test_restart_goes_on_bit_for_bit(tmp_path):
@@ -389,7 +453,9 @@ def test_what_cannot_go_together_is_refused():
     grid, other = (Grid.box((0, 0), (4 * H, H), (4, 1)) for _ in range(2))
 
     def make(grid, low, high, dt=1e-3):
-        body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] > low * H) & (x[0] < high * H))
+        body = MaterialPoints.fill(
+            grid, SOIL, 4, inside=lambda x: (x[0] > low * H) & (x[0] < high * H)
+        )
         return Simulation(grid, body, Newmark(dt), []), body.surface("left", "right")
 
     one, two = make(grid, 0, 2), make(grid, 2, 4)
@@ -408,8 +474,10 @@ def test_what_cannot_go_together_is_refused():
     with pytest.raises(ValueError, match=r"bodies 0 and 1 overlap by 0\.025 m"):
         Contact(make(grid, 0, 2), moved)
     both = Contact(make(grid, 0, 2), make(grid, 2, 4))
-    for ask, words in ((both.settle, "settle is of one body: settle each body in a QuasiStatic run of its own"),
-                       (both.balance, r"balance is of one body: .*run\.balance\(\)"),
-                       (both.reactions, r"reactions are of one body: .*run\.reactions")):
+    for ask, words in (
+        (both.settle, "settle is of one body: settle each body in a QuasiStatic run of its own"),
+        (both.balance, r"balance is of one body: .*run\.balance\(\)"),
+        (both.reactions, r"reactions are of one body: .*run\.reactions"),
+    ):
         with pytest.raises(ValueError, match=words):
             ask()

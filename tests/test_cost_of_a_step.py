@@ -25,6 +25,7 @@ class Clock:
 
     def work(self, seconds, *calls):
         """A method that takes ``seconds`` besides what it calls."""
+
         def method(*_):
             self.now += seconds
             for call in calls:
@@ -34,9 +35,14 @@ class Clock:
 
 
 def a_run(clock):
-    """A run whose pieces take 1, 2, 4, … seconds; the recovery is called inside carry, the solver inside solve."""
-    run = SimpleNamespace(bodies=[1], stencils=[SimpleNamespace(gradient_at_points=clock.work(1))], composites=[],
-                          correction=None)
+    """A run whose pieces take 1, 2, 4, … seconds; the recovery is called inside carry, the solver
+    inside solve."""
+    run = SimpleNamespace(
+        bodies=[1],
+        stencils=[SimpleNamespace(gradient_at_points=clock.work(1))],
+        composites=[],
+        correction=None,
+    )
     run.scene = SimpleNamespace(prepare=clock.work(2))
     e = run.equilibrium = SimpleNamespace(assemble_tangent=clock.work(4), correct=clock.work(8))
     e.solve = clock.work(16, lambda: e.assemble_tangent(), lambda: e.correct())
@@ -45,7 +51,9 @@ def a_run(clock):
     run.carry = clock.work(512, lambda: run.stencils[0].gradient_at_points())
     run.finish = clock.work(1024)
     verbs = ("locate", "project", "predict", "solve", "carry", "finish")
-    run.step = clock.work(2048, lambda: run.scene.prepare(), *(lambda v=v: getattr(run, v)() for v in verbs))
+    run.step = clock.work(
+        2048, lambda: run.scene.prepare(), *(lambda v=v: getattr(run, v)() for v in verbs)
+    )
     return run
 
 
@@ -53,8 +61,21 @@ def test_each_piece_is_counted_without_the_pieces_inside_it(monkeypatch):
     clock = Clock()
     monkeypatch.setattr(time, "perf_counter", lambda: clock.now)
     found = Bill(a_run(clock)).block(3)
-    assert found == {"recover": 1, "load": 2, "assemble": 4, "solve": 8, "force": 16 + 256, "locate": 32, "project": 64,
-                     "predict": 128, "correct": 0, "carry": 512, "record": 1024, "other": 2048, "factor": 0}
+    assert found == {
+        "recover": 1,
+        "load": 2,
+        "assemble": 4,
+        "solve": 8,
+        "force": 16 + 256,
+        "locate": 32,
+        "project": 64,
+        "predict": 128,
+        "correct": 0,
+        "carry": 512,
+        "record": 1024,
+        "other": 2048,
+        "factor": 0,
+    }
     assert total(found) == clock.now / 3
 
 
@@ -83,8 +104,13 @@ def test_a_real_bill_is_whole_and_changes_nothing(method):
 
 def test_the_points_share_and_the_growth_of_time_and_memory():
     pieces = dict.fromkeys(PIECES, 1.0)
-    assert cost_report.share({"pieces": pieces, "seconds": total(pieces)}) == pytest.approx(len(POINTS) / len(PIECES))
-    rows = [{"points": n, "seconds": 2e-6 * n**1.3, "bytes": 10**8 + 700 * n} for n in (1000, 4000, 16000)]
+    assert cost_report.share({"pieces": pieces, "seconds": total(pieces)}) == pytest.approx(
+        len(POINTS) / len(PIECES)
+    )
+    rows = [
+        {"points": n, "seconds": 2e-6 * n**1.3, "bytes": 10**8 + 700 * n}
+        for n in (1000, 4000, 16000)
+    ]
     assert cost_report.exponent(rows) == pytest.approx(1.3)
     assert cost_report.exponent(rows, least=10_000) is None
     assert cost_report.growth(rows) == pytest.approx(700)
@@ -111,9 +137,14 @@ def test_the_script_writes_rows_and_figure_and_goes_on_where_it_was(tmp_path, mo
     monkeypatch.setattr(cost_of_a_step, "TWINS", ("FE",))
     monkeypatch.setattr(cost_of_a_step, "MAPPINGS", ("DM-GC",))
     done = []
-    monkeypatch.setattr(cost_of_a_step, "in_its_own_process",
-                        lambda case: done.append(case) or cost_of_a_step.measure(case))
-    monkeypatch.setattr(cost_of_a_step, "start", lambda *_: {"points": 1280, "first": None, "seconds": 1.0})
+    monkeypatch.setattr(
+        cost_of_a_step,
+        "in_its_own_process",
+        lambda case: done.append(case) or cost_of_a_step.measure(case),
+    )
+    monkeypatch.setattr(
+        cost_of_a_step, "start", lambda *_: {"points": 1280, "first": None, "seconds": 1.0}
+    )
     monkeypatch.setattr(cost_report, "targets", lambda rows: iter([("step / FE", 1.0, 2.0)]))
     rows = cost_of_a_step.main(["--quick", "--results", str(tmp_path)])
     assert [row["kind"] for row in rows] == ["start", "start", "empty", "ratio"] + 6 * ["bill"]

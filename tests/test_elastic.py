@@ -19,7 +19,9 @@ rng = np.random.default_rng(2)
 @given(soils)
 def test_wave_speeds_are_those_of_the_paper(soil):
     E, ν, ρ = soil.young, soil.poisson, soil.density
-    assert soil.p_speed == pytest.approx(np.sqrt(E * (1 - ν) / (ρ * (1 + ν) * (1 - 2 * ν))), rel=1e-12)
+    assert soil.p_speed == pytest.approx(
+        np.sqrt(E * (1 - ν) / (ρ * (1 + ν) * (1 - 2 * ν))), rel=1e-12
+    )
     assert soil.s_speed == pytest.approx(np.sqrt(E / (2 * ρ * (1 + ν))), rel=1e-12)
 
 
@@ -45,8 +47,12 @@ def test_a_bar_has_young_and_poisson(soil):
 def test_plane_strain_keeps_the_stress_out_of_plane(soil):
     strain = tensors.strain(rng.normal(size=(10, 2, 2)))
     stress = soil.update(strain, np.zeros((10, 4)))
-    np.testing.assert_allclose(stress[:, 2], soil.poisson * (stress[:, 0] + stress[:, 1]),
-                               rtol=0, atol=1e-12 * np.abs(stress).max())
+    np.testing.assert_allclose(
+        stress[:, 2],
+        soil.poisson * (stress[:, 0] + stress[:, 1]),
+        rtol=0,
+        atol=1e-12 * np.abs(stress).max(),
+    )
 
 
 @few
@@ -67,13 +73,24 @@ def test_increments_add_up_and_leave_the_old_stress_alone(soil):
     kept = old.copy()
     twice = soil.update(second, soil.update(first, old))
     assert np.array_equal(old, kept)
-    np.testing.assert_allclose(twice, soil.update(first + second, old), rtol=0, atol=1e-12 * np.abs(twice).max())
+    np.testing.assert_allclose(
+        twice, soil.update(first + second, old), rtol=0, atol=1e-12 * np.abs(twice).max()
+    )
 
 
-@pytest.mark.parametrize("name, value", [
-    ("young", 0.0), ("young", -1.0), ("young", np.nan), ("poisson", 0.5), ("poisson", -1.0), ("poisson", np.inf),
-    ("density", 0.0), ("density", "wet"),
-])
+@pytest.mark.parametrize(
+    "name, value",
+    [
+        ("young", 0.0),
+        ("young", -1.0),
+        ("young", np.nan),
+        ("poisson", 0.5),
+        ("poisson", -1.0),
+        ("poisson", np.inf),
+        ("density", 0.0),
+        ("density", "wet"),
+    ],
+)
 def test_parameters_out_of_range_are_named(name, value):
     parameters = {"young": 1e6, "poisson": 0.3, "density": 1000.0, name: value}
     with pytest.raises(ValueError, match=name):

@@ -1,4 +1,5 @@
-"""One step's matrix and right-hand side against eq. (12) by hand, and the nodes that no material touches."""
+"""One step's matrix and right-hand side against eq. (12) by hand, and the nodes that no material
+touches."""
 
 import dense
 import numpy as np
@@ -43,7 +44,9 @@ def gravity(dim):
 
 @pytest.fixture(params=[2, 3])
 def scene(request):
-    """A random body with facets and turned surface points, all terms at work, stopped within its second step."""
+    """A random body with facets and turned surface points, all terms at work, stopped within its
+    second step."""
+
     def make(mapping):
         dim, rng = request.param, np.random.default_rng(7)
         grid = dense.uneven(dim)
@@ -52,9 +55,15 @@ def scene(request):
         normal = rng.normal(size=x.shape)
         from mpm_fenicsx import SurfacePoints
 
-        on = SurfacePoints(x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.5, 6))
-        terms = [Gravity(tuple(gravity(dim))), Traction(grid.facets("top"), tuple(1e4 * gravity(dim))),
-                 Viscoelastic(on, dense.SOFT, 1.5), Viscous(grid.facets("left"), dense.SOIL)]
+        on = SurfacePoints(
+            x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.5, 6)
+        )
+        terms = [
+            Gravity(tuple(gravity(dim))),
+            Traction(grid.facets("top"), tuple(1e4 * gravity(dim))),
+            Viscoelastic(on, dense.SOFT, 1.5),
+            Viscous(grid.facets("left"), dense.SOIL),
+        ]
         body.velocity *= 0.1
         body.stress *= 0.1
         run = Simulation(grid, body, Newmark(DT), terms, mapping, solver=DIRECT)
@@ -64,6 +73,7 @@ def scene(request):
         run.scene.prepare(run.time, run.next_time)
         run.predict()
         return run, on
+
     return make
 
 
@@ -97,7 +107,9 @@ def test_the_step_is_equation_12(scene, mapping):
     F_int = np.zeros((grid.nodes, dim))
     np.add.at(F_int, stencil.nodes, np.einsum("nij,nkj->nki", stress, stencil.gradients))
     F_ext = M @ np.tile(gravity(dim), grid.nodes)
-    F_ext += dense.vector(V, inner(ufl.as_vector(list(1e4 * gravity(dim))), w) * grid.facets("top").measure)
+    F_ext += dense.vector(
+        V, inner(ufl.as_vector(list(1e4 * gravity(dim))), w) * grid.facets("top").measure
+    )
     F_kin = M @ (-4 * v / DT - a)
     F_vis = C @ (-v)
     F_rec = np.einsum("p,pi,pab,pb->ia", on.area, N, k, on.displacement).ravel()
@@ -121,11 +133,16 @@ def test_point_sums_by_hand_are_the_matrix_of_mpm(scene):
     np.put_along_axis(B, run.stencils[0].nodes[:, :, None], run.stencils[0].gradients, axis=1)
     M = np.einsum("p,pi,pj,ab->iajb", body.mass, N, N, np.eye(dim))
     l, m = body.material.lame
-    K = (l * np.einsum("p,pia,pjb->iajb", body.volume, B, B) + m * np.einsum("p,pib,pja->iajb", body.volume, B, B)
-         + m * np.einsum("p,pic,pjc,ab->iajb", body.volume, B, B, np.eye(dim)))
+    K = (
+        l * np.einsum("p,pia,pjb->iajb", body.volume, B, B)
+        + m * np.einsum("p,pib,pja->iajb", body.volume, B, B)
+        + m * np.einsum("p,pic,pjc,ab->iajb", body.volume, B, B, np.eye(dim))
+    )
     size = grid.nodes * dim
     close(dense.matrix(inner(ρ * u, w) * run.scene.dx), M.reshape(size, size))
-    K_form = weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w) * run.scene.dx
+    K_form = (
+        weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w) * run.scene.dx
+    )
     close(dense.matrix(K_form), K.reshape(size, size))
 
 
@@ -137,14 +154,16 @@ def test_the_matrix_is_symmetric_and_positive(scene):
     assert np.linalg.eigvalsh(A).min() > 0.0
 
 
-# -- nodes without material -----------------------------------------------------------------------------------------
+# -- nodes without material ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("stepping", [Newmark(1e-3), QuasiStatic(1)], ids=["dynamic", "static"])
 @pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
 def test_nodes_without_material_stay_and_are_not_solved_for(mapping, stepping):
     grid = Grid.box((0, 0), (6, 4), (6, 4))
-    body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.3, inside=lambda x: (x[0] < 3) & (x[1] < 2))
+    body = MaterialPoints.fill(
+        grid, dense.SOIL, 4, jitter=0.3, inside=lambda x: (x[0] < 3) & (x[1] < 2)
+    )
     terms = [Fixed(grid.facets("bottom")), Gravity((1.0, -1.0))]
     run = Simulation(grid, body, stepping, terms, mapping, solver=DIRECT, hold_cut_cells=False)
     run.step()
@@ -168,7 +187,9 @@ def test_nodes_without_material_stay_and_are_not_solved_for(mapping, stepping):
 def test_a_node_with_hardly_any_mass_falls_like_the_rest(mapping, fill):
     grid, g, dt = Grid.box((0, 0), (4, 4), (4, 4)), np.array([3.0, -9.81]), 1e-3
     body = MaterialPoints.fill(grid, dense.SOIL, 4, inside=lambda x: (x[0] < 2) & (x[1] < 2))
-    body.x += np.array(fill) if mapping.support else 0.25 + np.array(fill)  # domains or points reach into next cells
+    body.x += (
+        np.array(fill) if mapping.support else 0.25 + np.array(fill)
+    )  # domains or points reach into next cells
     run = Simulation(grid, body, Newmark(dt), [Gravity(tuple(g))], mapping, solver=DIRECT)
     run.step()
     weight = np.zeros(grid.nodes)
@@ -176,17 +197,23 @@ def test_a_node_with_hardly_any_mass_falls_like_the_rest(mapping, fill):
     touched = weight > 0.0
     assert 0.0 < weight[touched].min() < 1.1 * fill[0]
     assert not run.equilibrium.idle.reshape(-1, 2)[touched].any()
-    np.testing.assert_allclose(run.motion.nodal(run.motion.u)[touched], np.tile(g * dt**2 / 2, (touched.sum(), 1)),
-                               rtol=1e-5)
+    np.testing.assert_allclose(
+        run.motion.nodal(run.motion.u)[touched],
+        np.tile(g * dt**2 / 2, (touched.sum(), 1)),
+        rtol=1e-5,
+    )
 
 
 @pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_scaled_matrix_stays_well_conditioned_wherever_the_body_is_cut(dim, mapping):
-    """After division by its diagonal; random points seen without their support domains leave it singular in 3D."""
+    """After division by its diagonal; random points seen without their support domains leave it
+    singular in 3D."""
     for cut in (0.1, 1e-2, 1e-3, 1e-4):
         grid = Grid.box((0,) * dim, (4,) * dim, (4,) * dim)
-        body = MaterialPoints.fill(grid, dense.SOIL, 2**dim, jitter=0.4, inside=lambda x: (x < 2).all(axis=0))
+        body = MaterialPoints.fill(
+            grid, dense.SOIL, 2**dim, jitter=0.4, inside=lambda x: (x < 2).all(axis=0)
+        )
         body.x += cut
         run = Simulation(grid, body, Newmark(0.02), [], mapping)
         run.locate()
@@ -199,7 +226,7 @@ def test_the_scaled_matrix_stays_well_conditioned_wherever_the_body_is_cut(dim, 
         assert eigenvalues.max() < 10.0
 
 
-# -- the solver -----------------------------------------------------------------------------------------------------
+# -- the solver ------------------------------------------------------------------------------------
 
 
 def test_a_solver_that_stops_early_is_an_error():
@@ -212,8 +239,12 @@ def test_a_solver_that_stops_early_is_an_error():
 
 def test_options_reach_their_own_solver_only():
     grid = dense.uneven(2)
-    runs = [Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [], solver=options)
-            for options in ({"ksp_rtol": 1e-3}, None, {"ksp_type": "minres"})]
+    runs = [
+        Simulation(
+            grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [], solver=options
+        )
+        for options in ({"ksp_rtol": 1e-3}, None, {"ksp_type": "minres"})
+    ]
     assert [run.equilibrium.ksp.getTolerances()[0] for run in runs] == [1e-3, 1e-11, 1e-11]
     assert [run.equilibrium.ksp.getType() for run in runs] == ["cg", "cg", "minres"]
 
@@ -224,8 +255,14 @@ def test_solvers_agree(mapping):
     for solver in (None, DIRECT):
         grid = dense.uneven(2)
         body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.3)
-        run = Simulation(grid, body, Newmark(1e-3), [Fixed(grid.facets("bottom")), Gravity((1.0, -9.81))], mapping,
-                         solver=solver)
+        run = Simulation(
+            grid,
+            body,
+            Newmark(1e-3),
+            [Fixed(grid.facets("bottom")), Gravity((1.0, -9.81))],
+            mapping,
+            solver=solver,
+        )
         run.until(5e-3)
         found.append(body.x - 0.0)
     np.testing.assert_allclose(found[0], found[1], atol=1e-13)
@@ -236,8 +273,13 @@ def test_a_factor_comes_to_the_rescue_of_an_iteration_that_fails():
     found = []
     for most in (300, 1):
         body = dense.random_body(grid, np.random.default_rng(7))
-        run = Simulation(grid, body, Newmark(DT), [Gravity((1.0, -9.0)), Fixed(grid.facets("bottom"))],
-                         correction=AccelerationCorrection.OFF)
+        run = Simulation(
+            grid,
+            body,
+            Newmark(DT),
+            [Gravity((1.0, -9.0)), Fixed(grid.facets("bottom"))],
+            correction=AccelerationCorrection.OFF,
+        )
         run.equilibrium.ksp.setTolerances(max_it=most)
         run.step()
         found.append(run.motion.u.x.array.copy())

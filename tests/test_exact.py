@@ -6,7 +6,12 @@ from scipy.integrate import trapezoid
 
 from mpm_fenicsx.analytical.bar import Bar
 from mpm_fenicsx.analytical.column import Column
-from mpm_fenicsx.analytical.waves import dashpot_echo, rayleigh_speed, relative_error, thick_cylinder
+from mpm_fenicsx.analytical.waves import (
+    dashpot_echo,
+    rayleigh_speed,
+    relative_error,
+    thick_cylinder,
+)
 
 L, C, RHO = 10.0, 100.0, 2000.0
 Z, TRAVEL = RHO * C, L / C
@@ -40,7 +45,9 @@ def test_a_dashpot_of_the_columns_impedance_sends_nothing_back():
     for depth in (0.0, 3.3, L):
         arrived = np.where(t > depth / C, pulse(t - depth / C), 0)
         np.testing.assert_allclose(c.pressure(depth, t), arrived, rtol=0, atol=60)
-        np.testing.assert_allclose(c.velocity(depth, t), c.pressure(depth, t) / Z, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(
+            c.velocity(depth, t), c.pressure(depth, t) / Z, rtol=0, atol=1e-12
+        )
 
 
 @pytest.mark.parametrize("load", [pulse, suddenly])
@@ -91,10 +98,17 @@ def test_relative_error():
     assert relative_error([0.0, 0.0], np.array([3.0, 4.0])) == 1.0
 
 
-# -- the bar that moves as told ---------------------------------------------------------------------------------------
+# -- the bar that moves as told --------------------------------------------------------------------
 
-BARS = [Bar(2.0, 1e6, 1000.0, amplitude, drift, free, hencky) for amplitude, drift, free, hencky in (
-    (1e-6, 0.0, False, False), (1e-6, 3.0, True, False), (0.1, 0.0, False, True), (0.1, 3.0, True, True))]
+BARS = [
+    Bar(2.0, 1e6, 1000.0, amplitude, drift, free, hencky)
+    for amplitude, drift, free, hencky in (
+        (1e-6, 0.0, False, False),
+        (1e-6, 3.0, True, False),
+        (0.1, 0.0, False, True),
+        (0.1, 3.0, True, True),
+    )
+]
 
 
 def derivative(f, at, step):
@@ -104,11 +118,16 @@ def derivative(f, at, step):
 
 @pytest.mark.parametrize("bar", BARS)
 def test_the_bars_momentum_balances(bar):
-    """ρ ẍ = ∂P/∂X + ρ b, all derivatives taken numerically, P from Cauchy's stress: in one dimension P = σ."""
+    """ρ ẍ = ∂P/∂X + ρ b, all derivatives taken numerically, P from Cauchy's stress: in one
+    dimension P = σ."""
     X, t = np.linspace(0.1, 1.9, 7), 0.017
     δX, δt = 1e-3 * bar.length, 1e-3 * bar.period
-    np.testing.assert_allclose(derivative(lambda t: bar.displacement(X, t), t, δt), bar.velocity(X, t), rtol=1e-7)
-    np.testing.assert_allclose(1 + derivative(lambda X: bar.displacement(X, t), X, δX), bar.stretch(X, t), rtol=1e-7)
+    np.testing.assert_allclose(
+        derivative(lambda t: bar.displacement(X, t), t, δt), bar.velocity(X, t), rtol=1e-7
+    )
+    np.testing.assert_allclose(
+        1 + derivative(lambda X: bar.displacement(X, t), X, δX), bar.stretch(X, t), rtol=1e-7
+    )
     acceleration = derivative(lambda t: bar.velocity(X, t), t, δt)
     force = acceleration - derivative(lambda X: bar.stress(X, t), X, δX) / bar.density
     scale = np.abs(acceleration).max()
@@ -122,8 +141,12 @@ def test_the_bars_momentum_balances(bar):
 def test_the_bar_starts_undeformed_and_its_ends_rest_or_bear_nothing(bar):
     ends, t = np.array([0.0, bar.length]), 0.4 * bar.period
     inside = bar.length * np.linspace(0.05, 0.95, 9)
-    assert np.abs(bar.displacement(inside, 0.0)).max() == np.abs(bar.stress(inside, 0.0)).max() == 0.0
-    assert np.abs(bar.velocity(inside, 0.0)).max() == pytest.approx(np.pi / 2 * bar.speed * bar.amplitude, rel=0.3)
+    assert (
+        np.abs(bar.displacement(inside, 0.0)).max() == np.abs(bar.stress(inside, 0.0)).max() == 0.0
+    )
+    assert np.abs(bar.velocity(inside, 0.0)).max() == pytest.approx(
+        np.pi / 2 * bar.speed * bar.amplitude, rel=0.3
+    )
     resting = bar.stress if bar.free else bar.displacement
     assert np.abs(resting(ends, t)).max() < 1e-14 * np.abs(resting(inside, t)).max() * 10
 
@@ -132,7 +155,9 @@ def test_the_bar_starts_undeformed_and_its_ends_rest_or_bear_nothing(bar):
 def test_a_particle_is_found_where_it_went(bar):
     X = np.linspace(-0.2, 2.2, 41)
     for t in (0.0, 0.3 * bar.period, bar.period):
-        np.testing.assert_allclose(bar.particle(X + bar.displacement(X, t) + bar.drift * t, t), X, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(
+            bar.particle(X + bar.displacement(X, t) + bar.drift * t, t), X, rtol=0, atol=1e-13
+        )
 
 
 def test_a_thick_cylinder_is_in_equilibrium_and_elastic():
@@ -142,24 +167,33 @@ def test_a_thick_cylinder_is_in_equilibrium_and_elastic():
     np.testing.assert_allclose(np.gradient(radial, r)[1:-1], ((hoop - radial) / r)[1:-1], rtol=1e-5)
     axial = ν * (radial + hoop)
     np.testing.assert_allclose(u / r, (hoop - ν * (radial + axial)) / E, rtol=1e-12)
-    np.testing.assert_allclose(np.gradient(u, r)[1:-1], ((radial - ν * (hoop + axial)) / E)[1:-1], rtol=1e-5)
+    np.testing.assert_allclose(
+        np.gradient(u, r)[1:-1], ((radial - ν * (hoop + axial)) / E)[1:-1], rtol=1e-5
+    )
 
 
-@pytest.mark.parametrize("poisson, ratio",
-                         [(0.0, 0.8740), (0.25, 0.9194), (0.3, 0.9274), (0.41, 0.9436), (0.5, 0.9553)])
+@pytest.mark.parametrize(
+    "poisson, ratio", [(0.0, 0.8740), (0.25, 0.9194), (0.3, 0.9274), (0.41, 0.9436), (0.5, 0.9553)]
+)
 def test_rayleigh_waves(poisson, ratio):
     """0.8740 and 0.9553 are the textbooks' ends; √(2 - 2/√3) is the closed form at ν = 1/4."""
     assert rayleigh_speed(poisson) == pytest.approx(ratio, abs=6e-5)
     assert rayleigh_speed(0.25) == pytest.approx(np.sqrt(2 - 2 / np.sqrt(3)), rel=1e-12)
 
 
-@pytest.mark.parametrize("poisson, wave, echoes", [
-    (0.25, "P", [0, 0.0002, 0.0003, 0.0016, 0.0089, 0.0359, 0.117, 0.346]),
-    (0.25, "S", [0, 0.0083, 0.0359, 0.0158, 0.0475, 0.113, 0.244, 0.500]),
-    (0.41, "P", [0, 0.0010, 0.0039, 0.0121, 0.033, 0.083, 0.195, 0.443]),
-    (0.41, "S", [0, 0.0122, 0.0044, 0.0181, 0.050, 0.117, 0.249, 0.504])])
+@pytest.mark.parametrize(
+    "poisson, wave, echoes",
+    [
+        (0.25, "P", [0, 0.0002, 0.0003, 0.0016, 0.0089, 0.0359, 0.117, 0.346]),
+        (0.25, "S", [0, 0.0083, 0.0359, 0.0158, 0.0475, 0.113, 0.244, 0.500]),
+        (0.41, "P", [0, 0.0010, 0.0039, 0.0121, 0.033, 0.083, 0.195, 0.443]),
+        (0.41, "S", [0, 0.0122, 0.0044, 0.0181, 0.050, 0.117, 0.249, 0.504]),
+    ],
+)
 def test_what_dashpots_send_back(poisson, wave, echoes):
     """A table found by others; grazing waves come back whole."""
-    found = [dashpot_echo(np.radians(angle), poisson, wave) for angle in (0, 20, 30, 40, 50, 60, 70, 80)]
+    found = [
+        dashpot_echo(np.radians(angle), poisson, wave) for angle in (0, 20, 30, 40, 50, 60, 70, 80)
+    ]
     np.testing.assert_allclose(found, echoes, atol=6e-4)
     assert dashpot_echo(np.pi / 2 - 1e-6, poisson, wave) == pytest.approx(1.0, abs=1e-4)

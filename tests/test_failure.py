@@ -1,4 +1,5 @@
-"""What goes wrong is named, by step, time and place, and costs no more than the step in which it happens."""
+"""What goes wrong is named, by step, time and place, and costs no more than the step in which it
+happens."""
 
 import errno
 import os
@@ -47,37 +48,59 @@ def squeezed(kind, law=CLAY, stepping=None, most=3 * BEARS, **keywords):
     terms = [Fixed(grid.facets("bottom"), "y"), Fixed(grid.facets("left"), "x")]
     stepping = stepping or QuasiStatic(4)
     if kind is None:
-        return FiniteElements(grid, law, stepping, [*terms, Traction(grid.facets("top"), lambda t: (0.0, -most * t))],
-                              **keywords)
+        return FiniteElements(
+            grid,
+            law,
+            stepping,
+            [*terms, Traction(grid.facets("top"), lambda t: (0.0, -most * t))],
+            **keywords,
+        )
     body = MaterialPoints.fill(grid, law, 4, lambda x: (x < 1.0).all(axis=0))
-    return Simulation(grid, body, stepping, [*terms, Traction(body.surface("top"), lambda t: (0.0, -most * t))], kind,
-                      **keywords)
+    return Simulation(
+        grid,
+        body,
+        stepping,
+        [*terms, Traction(body.surface("top"), lambda t: (0.0, -most * t))],
+        kind,
+        **keywords,
+    )
 
 
 def copied(run):
-    """The state, less what the next step begins with: the cells of the points and the grid's motion."""
+    """The state, less what the next step begins with: the cells of the points and the grid's
+    motion."""
     derived = ("motion/u",) if isinstance(run, FiniteElements) else ("cell", "motion/")
-    return {name: value.copy() for name, value in run.state().items() if not any(part in name for part in derived)}
+    return {
+        name: value.copy()
+        for name, value in run.state().items()
+        if not any(part in name for part in derived)
+    }
 
 
 def unchanged(run, before):
     now = copied(run)
-    return sorted(now) == sorted(before) and all(np.array_equal(now[name], before[name]) for name in before)
+    return sorted(now) == sorted(before) and all(
+        np.array_equal(now[name], before[name]) for name in before
+    )
 
 
-# -- a step that fails ----------------------------------------------------------------------------------------------
+# -- a step that fails -----------------------------------------------------------------------------
 
 
 @KINDS
 def test_a_step_that_fails_in_its_second_half_leaves_the_state_of_its_start(kind):
-    """A block of perfect plasticity bears 2c: of the step from 3/4 to 3/2 of that only the first quarter is solved."""
+    """A block of perfect plasticity bears 2c: of the step from 3/4 to 3/2 of that only the first
+    quarter is solved."""
     run = squeezed(kind)
     energy = run.record(Energy())
     run.step()
     before, sums, solved, carry = copied(run), energy.sums.copy(), [], run.carry
     run.carry = lambda: (solved.append(1), carry())
-    message = (r"step 2, t = 0\.5: Newton does not converge, relative residuals .*; largest residual .* N at the node "
-               r"x=\[.*\]; from t = 0\.\d+ to 0\.\d+, the step halved 3 times$")
+    message = (
+        r"step 2, t = 0\.5: Newton does not converge, relative residuals .*; largest residual "
+        r".* N at the node "
+        r"x=\[.*\]; from t = 0\.\d+ to 0\.\d+, the step halved 3 times$"
+    )
     with pytest.raises(RunError, match=message):
         run.step()
     assert len(solved) > 0 and unchanged(run, before) and np.array_equal(energy.sums, sums)
@@ -104,10 +127,13 @@ def test_the_largest_residual_is_where_the_force_is():
 
 
 def crushed(stepping):
-    """Two bodies side by side, the second of which is turned inside out by a load from t = 0.25 on."""
+    """Two bodies side by side, the second of which is turned inside out by a load from t = 0.25
+    on."""
     grid = Grid.box((0, 0), (1, 1), (4, 4))
-    bodies = [MaterialPoints.fill(grid, SOIL, 4, lambda x, low=low: (x[0] > low) & (x[0] < low + 0.5))
-              for low in (0.0, 0.5)]
+    bodies = [
+        MaterialPoints.fill(grid, SOIL, 4, lambda x, low=low: (x[0] > low) & (x[0] < low + 0.5))
+        for low in (0.0, 0.5)
+    ]
     walls = [Fixed(grid.facets("bottom"), "y"), Fixed(grid.facets("left", "right"), "x")]
     load = Traction(bodies[1].surface("top"), lambda t: (0.0, -1e9 * (t > 0.25)))
     return Simulation(grid, bodies, stepping, [*walls, load])
@@ -118,8 +144,11 @@ def test_a_point_that_turns_inside_out_is_named_and_no_body_has_moved():
     probe = run.record(Probe("stress", (0.3, 0.3)))
     run.until(0.2)
     before = copied(run)
-    message = (r"DM-GC, step 3, t = 0\.3: body 1, material point \d+ at x=\[0\..*\] turns inside out: det F = -.* in "
-               r"the step$")
+    message = (
+        r"DM-GC, step 3, t = 0\.3: body 1, material point \d+ at x=\[0\..*\] turns inside out: "
+        r"det F = -.* in "
+        r"the step$"
+    )
     for _ in range(2):  # tried again it fails again
         with pytest.raises(RunError, match=message):
             run.step()
@@ -132,8 +161,11 @@ def test_a_support_domain_that_turns_inside_out_is_named_as_such():
     gradient = np.zeros((4, 2, 2))
     smooth = gradient.copy()
     smooth[2, 1, 1] = -1.5
-    with pytest.raises(ValueError, match=r"point 2 at .* has a support domain that turns inside out: it stretches by "
-                                         r"\[ 1\.  -0\.5\]"):
+    with pytest.raises(
+        ValueError,
+        match=r"point 2 at .* has a support domain that turns inside out: it stretches by "
+        r"\[ 1\.  -0\.5\]",
+    ):
         body.stretches(gradient, smooth)
 
 
@@ -142,7 +174,9 @@ def test_a_point_that_was_lost_can_be_put_back():
     run.step()
     before = copied(run)
     run.bodies[1].x[5] = (3.0, 0.3)
-    with pytest.raises(RunError, match=r"step 2, .*: body 1, material point 5 at x=\[3\.  0\.3\] lies outside"):
+    with pytest.raises(
+        RunError, match=r"step 2, .*: body 1, material point 5 at x=\[3\.  0\.3\] lies outside"
+    ):
         run.step()
     run.bodies[1].x[5] = before["bodies/1/x"][5]
     run.step()
@@ -152,16 +186,22 @@ def test_a_point_that_was_lost_can_be_put_back():
 
 
 def test_a_cell_that_turns_inside_out_is_named():
-    """One linear solve a step of 1e9 Pa on 20 MPa: the elements end inside out, and the state stays as it was."""
-    run = squeezed(None, Hencky(20e6, 0.25, 1500.0), QuasiStatic(1), most=1e9, newton=Newton(tolerance=None))
+    """One linear solve a step of 1e9 Pa on 20 MPa: the elements end inside out, and the state stays
+    as it was."""
+    run = squeezed(
+        None, Hencky(20e6, 0.25, 1500.0), QuasiStatic(1), most=1e9, newton=Newton(tolerance=None)
+    )
     before = copied(run)
-    with pytest.raises(RunError, match=r"FE, step 1, t = 1: cell \d with its centre at x=\[0\..*\] turns inside out: "
-                                       r"det F = -\d"):
+    with pytest.raises(
+        RunError,
+        match=r"FE, step 1, t = 1: cell \d with its centre at x=\[0\..*\] turns inside out: "
+        r"det F = -\d",
+    ):
         run.step()
     assert unchanged(run, before)
 
 
-# -- loads ----------------------------------------------------------------------------------------------------------
+# -- loads -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("law", [SOIL, CLAY], ids=["elastic", "von Mises"])
@@ -170,21 +210,34 @@ def test_a_cell_that_turns_inside_out_is_named():
 def test_a_load_that_is_no_number_is_named(kind, law, placed):
     grid = Grid.box((0.0, 0.0), (1.0, 1.5), (2, 3))
     body = MaterialPoints.fill(grid, law, 4, lambda x: x[1] < 1.0)
-    bad = (lambda t, x: np.where(x[:, :1] > 0.6, np.log(0.25 - t), 0.0) * np.ones(2)) if placed else \
-        (lambda t: (0.0, np.log(0.25 - t)))
+    bad = (
+        (lambda t, x: np.where(x[:, :1] > 0.6, np.log(0.25 - t), 0.0) * np.ones(2))
+        if placed
+        else (lambda t: (0.0, np.log(0.25 - t)))
+    )
     on = grid.facets("top") if kind is None else body.surface("top")
     for term, name in ((Gravity(bad), "g of Gravity"), (Traction(on, bad), "value of Traction")):
         terms, stepping = [Fixed(grid.facets("bottom")), term], Newmark(0.1)
-        run = FiniteElements(grid, law, stepping, terms) if kind is None else Simulation(grid, body, stepping, terms)
+        run = (
+            FiniteElements(grid, law, stepping, terms)
+            if kind is None
+            else Simulation(grid, body, stepping, terms)
+        )
         where = r"\[nan nan\] at t = 0\.3, x=\[.*\]" if placed else r"\[ 0\. nan\] at t = 0\.3"
-        with pytest.raises(RunError, match=rf"step 3, t = 0\.3: {name} must be finite, got {where}$"), \
-                np.errstate(invalid="ignore"):
+        with (
+            pytest.raises(
+                RunError, match=rf"step 3, t = 0\.3: {name} must be finite, got {where}$"
+            ),
+            np.errstate(invalid="ignore"),
+        ):
             run.until(1.0)
         assert run.steps == 2
-        assert all(np.isfinite(value).all() for value in run.state().values() if value.dtype.kind == "f")
+        assert all(
+            np.isfinite(value).all() for value in run.state().values() if value.dtype.kind == "f"
+        )
 
 
-# -- output ---------------------------------------------------------------------------------------------------------
+# -- output ----------------------------------------------------------------------------------------
 
 
 def full(file: Path):
@@ -195,22 +248,34 @@ def full(file: Path):
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
 @pytest.mark.parametrize("kind", [DM_GC, None], ids=["points", "FE"])
 def test_a_full_disk_costs_a_file_and_nothing_else(kind, tmp_path):
-    """Step 2 cannot write: all else has its data, the old files stay, and the run goes on as if nothing had been."""
+    """Step 2 cannot write: all else has its data, the old files stay, and the run goes on as if
+    nothing had been."""
     run, calm = (squeezed(kind, SOIL, Newmark(1e-3)) for _ in range(2))
-    shots, keep = run.record(Snapshots(tmp_path / "block")), run.record(Checkpoint(tmp_path / "state.npz"))
+    shots, keep = (
+        run.record(Snapshots(tmp_path / "block")),
+        run.record(Checkpoint(tmp_path / "state.npz")),
+    )
     probe, energy = run.record(Probe("stress", (0.5, 0.5))), run.record(Energy())
     run.step()
     kept = keep.path.read_bytes()
     full(tmp_path / "block_grid_000002.vtu")
     full(keep.path)
-    with pytest.raises(RunError, match=r"step 2, t = 0\.002: snapshot not written: No space left on device: .*block"
-                       ) as caught:
+    with pytest.raises(
+        RunError,
+        match=r"step 2, t = 0\.002: snapshot not written: No space left on device: .*block",
+    ) as caught:
         run.until(5e-3)
     assert isinstance(caught.value, OSError) and caught.value.errno == errno.ENOSPC
     assert caught.value.filename == str(shots.path)
-    assert run.steps == 2 and len(probe.times) == len(energy.times) == 3 and keep.path.read_bytes() == kept
+    assert (
+        run.steps == 2
+        and len(probe.times) == len(energy.times) == 3
+        and keep.path.read_bytes() == kept
+    )
     full(keep.path)
-    with pytest.raises(RunError, match=r"step 3, t = 0\.003: checkpoint not written: No space .*state\.npz"):
+    with pytest.raises(
+        RunError, match=r"step 3, t = 0\.003: checkpoint not written: No space .*state\.npz"
+    ):
         run.until(5e-3)
     run.until(4e-3)  # there is space again
     run.recorders.remove(shots)
@@ -231,7 +296,9 @@ def test_a_file_size_limit_leaves_the_checkpoint_before(tmp_path):
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limit[1]))
     try:
-        with pytest.raises(RunError, match=r"step 2, t = 0\.002: checkpoint not written: File too large"):
+        with pytest.raises(
+            RunError, match=r"step 2, t = 0\.002: checkpoint not written: File too large"
+        ):
             run.step()
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
@@ -249,8 +316,13 @@ def killed(folder):
 
 
 def test_a_process_that_is_killed_while_it_writes_leaves_the_checkpoint_before(tmp_path):
-    done = subprocess.run([sys.executable, __file__, str(tmp_path)], env=environment(), capture_output=True, text=True,
-                          timeout=300)
+    done = subprocess.run(
+        [sys.executable, __file__, str(tmp_path)],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == -signal.SIGKILL, done.stderr[-2000:]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["state.npz", "state.npz.part"]
     run, whole = (squeezed(DM_GC, SOIL, Newmark(1e-3)) for _ in range(2))
@@ -259,7 +331,9 @@ def test_a_process_that_is_killed_while_it_writes_leaves_the_checkpoint_before(t
     assert run.steps == 2
     for one in (run, whole):
         one.until(4e-3)
-    assert unchanged(whole, copied(run)) and [path.name for path in tmp_path.iterdir()] == ["state.npz"]
+    assert unchanged(whole, copied(run)) and [path.name for path in tmp_path.iterdir()] == [
+        "state.npz"
+    ]
 
 
 def test_recorders_without_an_errno_are_named_too():

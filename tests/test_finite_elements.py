@@ -25,17 +25,25 @@ from mpm_fenicsx.grid import dolfinx_versions
 
 def shaken(grid, **keywords):
     dim = grid.dim
-    terms = [Fixed(grid.facets("bottom")), Gravity(lambda t: np.sin(300 * t) * (np.arange(dim) + 1.0)),
-             Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x),
-             Viscoelastic(grid.facets("right"), dense.SOFT, 2.0)]
+    terms = [
+        Fixed(grid.facets("bottom")),
+        Gravity(lambda t: np.sin(300 * t) * (np.arange(dim) + 1.0)),
+        Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x),
+        Viscoelastic(grid.facets("right"), dense.SOFT, 2.0),
+    ]
     return FiniteElements(grid, dense.SOIL, Newmark(1e-3), terms, **keywords)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_energy_is_balanced_in_every_step(dim):
-    """Kinetic + strain + stored in springs = work done - absorbed, to round-off: loads start from zero."""
+    """Kinetic + strain + stored in springs = work done - absorbed, to round-off: loads start from
+    zero."""
     run = shaken(dense.uneven(dim))
-    flows = [(name, dolfinx_versions.compile_form(form)) for c in run.contributions for name, form in c.energy().items()]
+    flows = [
+        (name, dolfinx_versions.compile_form(form))
+        for c in run.contributions
+        for name, form in c.energy().items()
+    ]
     assert {name for name, _ in flows} == {"work", "absorbed", "stored"}
     inside, total = 0.0, dict.fromkeys(("work", "absorbed", "stored"), 0.0)
     for _ in range(20):
@@ -44,8 +52,10 @@ def test_energy_is_balanced_in_every_step(dim):
         for name, form in flows:
             step[name] += dolfinx_versions.assemble_scalar(form)
         now = sum(run.energy().values())
-        assert now - inside == pytest.approx(step["work"] - step["absorbed"] - step["stored"],
-                                             abs=1e-9 * max(abs(step["work"]), step["absorbed"]))
+        assert now - inside == pytest.approx(
+            step["work"] - step["absorbed"] - step["stored"],
+            abs=1e-9 * max(abs(step["work"]), step["absorbed"]),
+        )
         inside = now
         for name in total:
             total[name] += step[name]
@@ -75,11 +85,19 @@ def test_a_factored_matrix_is_assembled_once(monkeypatch):
 @pytest.mark.parametrize("steps", [1, 3])
 def test_a_linear_scene_does_not_mind_its_load_steps(steps):
     grid = dense.uneven(3)
-    run = FiniteElements(grid, dense.SOIL, QuasiStatic(steps),
-                         [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), lambda s, x: s * 1e4 * x)])
+    run = FiniteElements(
+        grid,
+        dense.SOIL,
+        QuasiStatic(steps),
+        [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), lambda s, x: s * 1e4 * x)],
+    )
     run.until(1.0)
-    once = FiniteElements(grid, dense.SOIL, QuasiStatic(1),
-                          [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), lambda s, x: 1e4 * x)])
+    once = FiniteElements(
+        grid,
+        dense.SOIL,
+        QuasiStatic(1),
+        [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), lambda s, x: 1e4 * x)],
+    )
     once.until(1.0)
     u = once.displacement.x.array
     assert np.abs(u).max() > 1e-5
@@ -88,10 +106,13 @@ def test_a_linear_scene_does_not_mind_its_load_steps(steps):
 
 
 def test_a_bar_vibrates_with_the_frequency_of_its_mode():
-    """Consistent mass and the trapezoidal rule: tan(ω dt/2) = dt/2 ω_h, with ω_h of bilinear elements."""
+    """Consistent mass and the trapezoidal rule: tan(ω dt/2) = dt/2 ω_h, with ω_h of bilinear
+    elements."""
     L, n, dt, rod = 2.0, 8, 2e-3, LinearElastic(young=1e6, poisson=0.0, density=1000.0)
     grid = Grid.box((0, 0), (L, 0.5), (n, 1))
-    run = FiniteElements(grid, rod, Newmark(dt), [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")])
+    run = FiniteElements(
+        grid, rod, Newmark(dt), [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
+    )
     x = grid.space.tabulate_dof_coordinates()[:, 0]
     k, h, c = np.pi / (2 * L), L / n, rod.p_speed
     run.motion.nodal(run.motion.v)[:, 0] = np.sin(k * x)
@@ -109,12 +130,28 @@ def test_a_bar_vibrates_with_the_frequency_of_its_mode():
 
 def test_a_viscous_base_takes_a_plane_wave_whole():
     """One row of elements, a smooth pulse: the energy left is the grid's dispersion."""
-    grid, soil = Grid.box((0, 0), (0.5, 20), (1, 80)), LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+    grid, soil = (
+        Grid.box((0, 0), (0.5, 20), (1, 80)),
+        LinearElastic(young=20e6, poisson=0.25, density=1500.0),
+    )
     left = {}
-    for name, term in (("viscous", Viscous(grid.facets("bottom"), soil)), ("fixed", Fixed(grid.facets("bottom"), "y"))):
-        run = FiniteElements(grid, soil, Newmark(2e-3), [
-            Fixed(grid.facets("left", "right"), "x"), term,
-            Traction(grid.facets("top"), lambda t: (0.0, -1e3 * np.sin(np.pi * min(t / 0.2, 1.0)) ** 2))])
+    for name, term in (
+        ("viscous", Viscous(grid.facets("bottom"), soil)),
+        ("fixed", Fixed(grid.facets("bottom"), "y")),
+    ):
+        run = FiniteElements(
+            grid,
+            soil,
+            Newmark(2e-3),
+            [
+                Fixed(grid.facets("left", "right"), "x"),
+                term,
+                Traction(
+                    grid.facets("top"),
+                    lambda t: (0.0, -1e3 * np.sin(np.pi * min(t / 0.2, 1.0)) ** 2),
+                ),
+            ],
+        )
         run.until(0.2)
         full = sum(run.energy().values())
         run.until(0.45)
@@ -129,9 +166,17 @@ def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
     found = []
     for points in (False, True):
         grid = dense.uneven(dim)
-        on = MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("top") if points else grid.facets("top")
-        run = FiniteElements(grid, dense.SOIL, Newmark(1e-3), [
-            Fixed(grid.facets("bottom")), Traction(on, (1e6,) * dim), Viscous(on, dense.SOFT)])
+        on = (
+            MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("top")
+            if points
+            else grid.facets("top")
+        )
+        run = FiniteElements(
+            grid,
+            dense.SOIL,
+            Newmark(1e-3),
+            [Fixed(grid.facets("bottom")), Traction(on, (1e6,) * dim), Viscous(on, dense.SOFT)],
+        )
         run.until(0.01)
         assert run.motion.nodal(run.displacement)[:, 1].max() > 0.01
         found.append(run.displacement.x.array)
@@ -141,7 +186,9 @@ def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
 # -- going on from another run ---------------------------------------------------------------------
 
 
-DAMPED = GeneralizedAlpha(0.1, spectral_radius=0.5)  # a load that starts at once rings on under Newmark
+DAMPED = GeneralizedAlpha(
+    0.1, spectral_radius=0.5
+)  # a load that starts at once rings on under Newmark
 SPRINGY = LinearElastic(young=20e6, poisson=0.25, density=1500.0)  # r = 20 m: 2G/r = 8e5 Pa/m
 
 
@@ -150,8 +197,11 @@ def on_springs(grid, *parts, load=500.0):
     up, top = grid.dim - 1, grid.facets("top" if grid.dim == 2 else "front")
     walls = [Fixed(grid.facets("left", "right"), "x")]
     walls += [Fixed(grid.facets("bottom", "top"), "y")] if up == 2 else []
-    return [*walls, Traction(top, -load * np.eye(grid.dim)[up]),
-            *(Viscoelastic(part, SPRINGY, 20.0) for part in parts)]
+    return [
+        *walls,
+        Traction(top, -load * np.eye(grid.dim)[up]),
+        *(Viscoelastic(part, SPRINGY, 20.0) for part in parts),
+    ]
 
 
 @pytest.mark.parametrize("surface", ["facets", "points"])
@@ -160,8 +210,11 @@ def test_springs_go_on_with_what_they_bear(dim, surface):
     """Two halves are the whole, bit for bit; at rest u = p r/2G at the base, now and after."""
     grid = dense.uneven(dim)
     base = "bottom" if dim == 2 else "back"
-    fresh = (lambda: grid.facets(base)) if surface == "facets" else \
-        (lambda: MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface(base))
+    fresh = (
+        (lambda: grid.facets(base))
+        if surface == "facets"
+        else (lambda: MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface(base))
+    )
     whole = FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, fresh()))
     whole.until(2.0)
     on = fresh()
@@ -221,8 +274,10 @@ def test_springs_keep_what_they_bear_however_their_facets_are_named():
 def test_what_start_takes_over_and_what_not():
     """Motion goes on; ``Fixed`` moves by what its value changes from 0 on; statics are at rest."""
     grid = dense.uneven(2)
-    push = [Fixed(grid.facets("bottom"), value=lambda t: 1e-3 * (3.0 + t)),
-            Traction(grid.facets("top"), (1e3, 0.0))]
+    push = [
+        Fixed(grid.facets("bottom"), value=lambda t: 1e-3 * (3.0 + t)),
+        Traction(grid.facets("top"), (1e3, 0.0)),
+    ]
     first = FiniteElements(grid, dense.SOIL, Newmark(0.01), push)
     first.until(0.1)
     second = FiniteElements(grid, dense.SOIL, Newmark(0.01), push, start=first)

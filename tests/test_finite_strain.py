@@ -1,4 +1,5 @@
-"""The step at finite strain: its derivative by differences, closed forms in patch tests, finite elements."""
+"""The step at finite strain: its derivative by differences, closed forms in patch tests, finite
+elements."""
 
 import json
 import math
@@ -45,16 +46,20 @@ def name(kind):
 
 
 def cases(*plane, solid=(DM_GC,)):
-    """Mappings, None for finite elements: all in plane strain, few in 3D, whose forms take long to compile."""
+    """Mappings, None for finite elements: all in plane strain, few in 3D, whose forms take long to
+    compile."""
     every = [(kind, dim) for dim, kinds in ((2, plane), (3, solid)) for kind in kinds]
-    return pytest.mark.parametrize(("kind", "dim"), every, ids=[f"{name(kind)}-{dim}D" for kind, dim in every])
+    return pytest.mark.parametrize(
+        ("kind", "dim"), every, ids=[f"{name(kind)}-{dim}D" for kind, dim in every]
+    )
 
 
-# -- the derivative -------------------------------------------------------------------------------------------------
+# -- the derivative --------------------------------------------------------------------------------
 
 
 def at_unrest(kind, grid, law, half=1.0):
-    """A run with random states and a random displacement of some per cent of a cell; all arrays ready."""
+    """A run with random states and a random displacement of some per cent of a cell; all arrays
+    ready."""
     rng = np.random.default_rng(7)
     if kind is None:
         run = FiniteElements(grid, law, Newmark(0.1), [])
@@ -105,13 +110,14 @@ def test_the_matrix_is_the_derivative_of_the_residual_in_3d(kind):
 
 
 def test_support_domains_make_the_matrix_of_gimp_nearly_the_derivative():
-    """∇S∇S at the points, the mean of ∇N∇N in the matrix: the difference goes with the square of support domains."""
+    """∇S∇S at the points, the mean of ∇N∇N in the matrix: the difference goes with the square of
+    support domains."""
     gaps = [mismatch(at_unrest(GIMP, dense.uneven(2), SOIL, half)) for half in (1.0, 0.04, 0.02)]
     assert 1e-4 < gaps[0] < 0.2
     assert np.log2(gaps[1] / gaps[2]) > 1.9
 
 
-# -- small strain is its limit ----------------------------------------------------------------------------------------
+# -- small strain is its limit ---------------------------------------------------------------------
 
 
 @cases(None, MPM, GIMP, DM_G, DM_GC)
@@ -121,7 +127,9 @@ def test_small_loads_give_the_small_strain_answer(kind, dim):
     for law in (SMALL, SOIL):
         grid = dense.uneven(dim)
         loads = [term for term in plastic.loads(grid, 1e-5) if not isinstance(term, Gravity)]
-        run = plastic.run_of(kind, grid, QuasiStatic(2), loads, law=law, solver=DIRECT, newton=STIFFLY)
+        run = plastic.run_of(
+            kind, grid, QuasiStatic(2), loads, law=law, solver=DIRECT, newton=STIFFLY
+        )
         run.until(1.0)
         found.append(run.bodies[0].stress if run.bodies else run.stress(np.arange(3**dim)))
     assert run.equilibrium.solves <= 4
@@ -134,9 +142,21 @@ def test_the_first_step_of_a_full_grid_is_that_of_finite_elements(kind, dim):
     rng, found = np.random.default_rng(6), []
     for way in (kind, None):
         grid = dense.uneven(dim)
-        body = dense.tiles(grid, rng, material=LAW) if kind.support else MaterialPoints.fill(grid, LAW, 2**dim)
-        run = plastic.run_of(way, grid, QuasiStatic(1), plastic.loads(grid, 30.0), body, law=LAW, newton=STIFFLY,
-                             solver=DIRECT)
+        body = (
+            dense.tiles(grid, rng, material=LAW)
+            if kind.support
+            else MaterialPoints.fill(grid, LAW, 2**dim)
+        )
+        run = plastic.run_of(
+            way,
+            grid,
+            QuasiStatic(1),
+            plastic.loads(grid, 30.0),
+            body,
+            law=LAW,
+            newton=STIFFLY,
+            solver=DIRECT,
+        )
         run.step()
         assert run.equilibrium.solves > 3
         found.append(run.motion.u.x.array.copy())
@@ -147,7 +167,15 @@ def test_the_first_step_of_a_full_grid_is_that_of_finite_elements(kind, dim):
 @pytest.mark.parametrize("kind", [None, MPM, DM_G, DM_GC], ids=name)
 def test_newton_converges_quadratically(kind):
     grid = dense.uneven(2)
-    run = plastic.run_of(kind, grid, QuasiStatic(1), plastic.loads(grid, 60.0), law=SOIL, newton=STIFFLY, solver=DIRECT)
+    run = plastic.run_of(
+        kind,
+        grid,
+        QuasiStatic(1),
+        plastic.loads(grid, 60.0),
+        law=SOIL,
+        newton=STIFFLY,
+        solver=DIRECT,
+    )
     norms = plastic.residuals(run)
     run.step()
     norms = np.array(norms[1:])
@@ -156,7 +184,7 @@ def test_newton_converges_quadratically(kind):
     assert np.log(norms[-1] / norms[-2]) / np.log(norms[-2] / norms[-3]) > 1.7
 
 
-# -- imposed motions --------------------------------------------------------------------------------------------------
+# -- imposed motions -------------------------------------------------------------------------------
 
 
 def imposed(run, F):
@@ -164,20 +192,27 @@ def imposed(run, F):
     grid = run.grid
     centre = 0.5 * (grid.lower_corner + grid.upper_corner)
     plastic.prepared(run)
-    run.motion.u.x.array[:] = dense.at_nodes(grid, lambda x: (x - centre) @ (F - np.eye(grid.dim)).T)
+    run.motion.u.x.array[:] = dense.at_nodes(
+        grid, lambda x: (x - centre) @ (F - np.eye(grid.dim)).T
+    )
     run.carry()
 
 
 def disc(grid, law):
-    return MaterialPoints.fill(grid, law, 3**grid.dim, jitter=0.4,
-                               inside=lambda x: ((x - 0.5) ** 2).sum(axis=0) < 0.3**2)
+    return MaterialPoints.fill(
+        grid, law, 3**grid.dim, jitter=0.4, inside=lambda x: ((x - 0.5) ** 2).sum(axis=0) < 0.3**2
+    )
 
 
 @cases(*MAPPINGS)
 def test_a_body_turns_all_the_way_without_stress(kind, dim):
     grid = dense.uneven(dim)
     body = disc(grid, SOIL)
-    run, θ, start = Simulation(grid, body, QuasiStatic(1), [], kind), math.radians(10.0), body.x.copy()
+    run, θ, start = (
+        Simulation(grid, body, QuasiStatic(1), [], kind),
+        math.radians(10.0),
+        body.x.copy(),
+    )
     R = np.eye(dim)
     R[:2, :2] = [[math.cos(θ), -math.sin(θ)], [math.sin(θ), math.cos(θ)]]
     for _ in range(36):
@@ -188,11 +223,16 @@ def test_a_body_turns_all_the_way_without_stress(kind, dim):
 
 @cases(MPM, DM_GC)
 def test_simple_shear_is_the_same_in_finite_elements_and_at_points(kind, dim):
-    """In five steps to γ = 0.5: sheared steps add up, F being the product.  Elastic: the closed form of asinh γ/2."""
+    """In five steps to γ = 0.5: sheared steps add up, F being the product.  Elastic: the closed
+    form of asinh γ/2."""
     for law in (SOIL, LAW):
         grid = dense.uneven(dim)
-        body = MaterialPoints.fill(grid, law, 3**dim, jitter=0.4, inside=lambda x: ((x > 0.1) & (x < 0.9)).all(axis=0))
-        points, twin = (plastic.run_of(way, grid, QuasiStatic(5), [], body, law=law) for way in (kind, None))
+        body = MaterialPoints.fill(
+            grid, law, 3**dim, jitter=0.4, inside=lambda x: ((x > 0.1) & (x < 0.9)).all(axis=0)
+        )
+        points, twin = (
+            plastic.run_of(way, grid, QuasiStatic(5), [], body, law=law) for way in (kind, None)
+        )
         F = np.eye(dim)
         F[0, 1] = 0.1
         body.x[:, 0] -= 0.25 * (body.x[:, 1] - 0.5)  # so that the shear ends within the grid
@@ -200,8 +240,12 @@ def test_simple_shear_is_the_same_in_finite_elements_and_at_points(kind, dim):
             imposed(points, F)
             imposed(twin, F)
         state = twin.yielding.state
-        np.testing.assert_allclose(state, np.tile(state[0], (len(state), 1)), atol=1e-12 * SOIL.young)
-        np.testing.assert_allclose(body.stress, np.tile(state[0], (len(body), 1)), atol=1e-12 * SOIL.young)
+        np.testing.assert_allclose(
+            state, np.tile(state[0], (len(state), 1)), atol=1e-12 * SOIL.young
+        )
+        np.testing.assert_allclose(
+            body.stress, np.tile(state[0], (len(body), 1)), atol=1e-12 * SOIL.young
+        )
         if law is SOIL:
             exact = 4 * SOIL.lame[1] * math.asinh(0.25) / math.sqrt(4.25)
             np.testing.assert_allclose(state[:, 3], exact, rtol=1e-12)
@@ -210,11 +254,12 @@ def test_simple_shear_is_the_same_in_finite_elements_and_at_points(kind, dim):
             np.testing.assert_allclose(twin.yielding.history, body.history[0, 0], rtol=1e-10)
 
 
-# -- loads in equilibrium -------------------------------------------------------------------------------------------
+# -- loads in equilibrium --------------------------------------------------------------------------
 
 
 def pressed(kind, dim, law, steps=5):
-    """A block of four cells a side pressed to about two thirds of its height between smooth walls; and the load."""
+    """A block of four cells a side pressed to about two thirds of its height between smooth walls;
+    and the load."""
     M = law.lame[0] + 2 * law.lame[1]
     load, up = 0.5 * M, dim - 1
     grid = Grid.box((0,) * dim, (1.0,) * dim, (4,) * dim)
@@ -225,14 +270,23 @@ def pressed(kind, dim, law, steps=5):
     side = "top" if dim == 2 else "front"
     body = None if kind is None else MaterialPoints.fill(grid, law, 2**dim)
     top = grid.facets(side) if kind is None else body.surface(side)
-    run = plastic.run_of(kind, grid, QuasiStatic(steps), [*walls, Traction(top, lambda t: t * push)], body, law=law,
-                         newton=STIFFLY, solver=DIRECT)
+    run = plastic.run_of(
+        kind,
+        grid,
+        QuasiStatic(steps),
+        [*walls, Traction(top, lambda t: t * push)],
+        body,
+        law=law,
+        newton=STIFFLY,
+        solver=DIRECT,
+    )
     return run, load, M
 
 
 @cases(None, GIMP, DM_G, DM_GC, solid=(GIMP, DM_GC))
 def test_a_block_is_pressed_as_hencky_says(kind, dim):
-    """Uniaxial strain: -M ln λ/λ is the pressure.  Points that tile the block, cut cells at its top: exact."""
+    """Uniaxial strain: -M ln λ/λ is the pressure.  Points that tile the block, cut cells at its
+    top: exact."""
     run, load, M = pressed(kind, dim, SOIL)
     energy = run.record(Energy())
     run.until(1.0)
@@ -250,10 +304,12 @@ def test_a_block_is_pressed_as_hencky_says(kind, dim):
     np.testing.assert_allclose(stress[:, dim - 1], -load, rtol=1e-8)
     assert height == pytest.approx(λ, rel=1e-8)
     assert energy["strain"][-1] == pytest.approx(0.5 * M * math.log(λ) ** 2, rel=1e-8)
-    assert energy["work"][-1] == pytest.approx(energy["strain"][-1], rel=0.05)  # of the trapezoidal rule in five steps
+    assert energy["work"][-1] == pytest.approx(
+        energy["strain"][-1], rel=0.05
+    )  # of the trapezoidal rule in five steps
 
 
-# -- refusals ---------------------------------------------------------------------------------------------------------
+# -- refusals --------------------------------------------------------------------------------------
 
 
 def test_what_finite_strain_cannot_do_is_refused():
@@ -271,12 +327,22 @@ def test_what_finite_strain_cannot_do_is_refused():
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
 def test_an_elastic_body_of_small_strain_may_share_a_run(mapping):
     """Two halves of a block: of little load, so that they answer alike."""
+
     def solved(left, right):
         grid = dense.uneven(2)
-        bodies = [MaterialPoints.fill(grid, left, 4, inside=lambda x: x[0] < 0.5),
-                  MaterialPoints.fill(grid, right, 4, inside=lambda x: x[0] > 0.5)]
-        run = Simulation(grid, bodies, QuasiStatic(1), plastic.loads(grid, 1e-2), mapping, newton=STIFFLY,
-                         solver=DIRECT)
+        bodies = [
+            MaterialPoints.fill(grid, left, 4, inside=lambda x: x[0] < 0.5),
+            MaterialPoints.fill(grid, right, 4, inside=lambda x: x[0] > 0.5),
+        ]
+        run = Simulation(
+            grid,
+            bodies,
+            QuasiStatic(1),
+            plastic.loads(grid, 1e-2),
+            mapping,
+            newton=STIFFLY,
+            solver=DIRECT,
+        )
         run.step()
         return np.vstack([b.stress for b in bodies])
 
@@ -286,8 +352,13 @@ def test_an_elastic_body_of_small_strain_may_share_a_run(mapping):
 
 def test_a_point_that_turns_inside_out_stops_the_run_by_name():
     grid = dense.uneven(2)
-    run = Simulation(grid, MaterialPoints.fill(grid, SOIL, 4), QuasiStatic(1),
-                     [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), (0.0, -1e9))], DM_GC)
+    run = Simulation(
+        grid,
+        MaterialPoints.fill(grid, SOIL, 4),
+        QuasiStatic(1),
+        [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), (0.0, -1e9))],
+        DM_GC,
+    )
     with pytest.raises(RunError, match="step 1, t = 1"):
         run.step()
 
@@ -300,7 +371,7 @@ def test_small_strain_has_nothing_of_it():
     assert not SOIL.history and MaterialPoints.fill(grid, SOIL, 4).history is None
 
 
-# -- several ranks ------------------------------------------------------------------------------------------------
+# -- several ranks ---------------------------------------------------------------------------------
 
 
 def test_two_ranks_strain_like_one(tmp_path):
@@ -308,8 +379,13 @@ def test_two_ranks_strain_like_one(tmp_path):
     if program is None:
         pytest.skip("no mpiexec beside Python or on PATH")
     out = tmp_path / "out.json"
-    done = subprocess.run([program, "-n", "2", sys.executable, stretched.__file__, str(out)], env=environment(),
-                          capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [program, "-n", "2", sys.executable, stretched.__file__, str(out)],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
     several, serial = json.loads(out.read_text()), stretched.everything()
     for case, quantities in serial.items():

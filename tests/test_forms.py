@@ -29,13 +29,17 @@ def test_hooke_is_the_law_of_the_material(grid, rng):
     row = tensors.strain(g[None])
     expected = tensors.matrix(dense.SOIL.update(row, np.zeros_like(row)), dim)[0]
     for i, j in np.ndindex(dim, dim):
-        found = dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(weak_forms.hooke(λ, μ, ε)[i, j] * grid.dx))
+        found = dolfinx_versions.assemble_scalar(
+            dolfinx_versions.compile_form(weak_forms.hooke(λ, μ, ε)[i, j] * grid.dx)
+        )
         assert found == pytest.approx(expected[i, j], rel=1e-12)
 
 
 @pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
 def test_a_rigid_motion_gives_no_force(grid, rng, mapping):
-    body = MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim, jitter=0.4, inside=lambda x: x[0] < 0.8)
+    body = MaterialPoints.fill(
+        grid, dense.SOIL, 2**grid.dim, jitter=0.4, inside=lambda x: x[0] < 0.8
+    )
     run = Simulation(grid, body, QuasiStatic(1), [], mapping)
     run.locate()
     run.project()
@@ -56,8 +60,10 @@ def test_a_constant_and_a_field_of_that_constant_give_one_matrix(grid):
     field.x.array[:] = 7.5
     constant = fem.Constant(grid.mesh, np.array(7.5))
     dx = grid.dx(metadata={"quadrature_degree": 5})
-    for form in (lambda c: weak_forms.inertia(c, u, w),
-                 lambda c: weak_forms.internal_work(weak_forms.hooke(c, c, weak_forms.strain(u)), w)):
+    for form in (
+        lambda c: weak_forms.inertia(c, u, w),
+        lambda c: weak_forms.internal_work(weak_forms.hooke(c, c, weak_forms.strain(u)), w),
+    ):
         A, B = dense.matrix(form(field) * dx), dense.matrix(form(constant) * dx)
         assert np.abs(A - B).max() < 1e-14 * np.abs(B).max()
 
@@ -77,8 +83,20 @@ def test_the_boundary_tensor_has_the_normal_as_an_axis(grid, rng):
     across = dense.rotation(rng, grid.dim)[:, 0]
     across -= across @ n * n
     T = weak_forms.along_and_across(fem.Constant(grid.mesh, n), 5.0, 2.0)
-    T = np.array([[dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(T[i, j] * grid.dx)) for j in range(grid.dim)]
-                  for i in range(grid.dim)]) / (grid.upper_corner - grid.lower_corner).prod()
+    T = (
+        np.array(
+            [
+                [
+                    dolfinx_versions.assemble_scalar(
+                        dolfinx_versions.compile_form(T[i, j] * grid.dx)
+                    )
+                    for j in range(grid.dim)
+                ]
+                for i in range(grid.dim)
+            ]
+        )
+        / (grid.upper_corner - grid.lower_corner).prod()
+    )
     np.testing.assert_allclose(T @ n, 5.0 * n, atol=1e-12)
     np.testing.assert_allclose(T @ across, 2.0 * across, atol=1e-12)
 

@@ -14,21 +14,30 @@ import foundation
 
 MESHES = foundation.HOME / "meshes"
 MAKERS = {"DM-GC": foundation.material_points, "FE": foundation.finite_elements}
-BACK = foundation.first + (2 * foundation.height - 0.97) / foundation.elastic.p_speed  # s: base's echo at point 2
+BACK = (
+    foundation.first + (2 * foundation.height - 0.97) / foundation.elastic.p_speed
+)  # s: base's echo at point 2
 
 
 @pytest.fixture(scope="module")
 def runs():
     """Rows and curves of both methods, past the largest stress of the second pulse."""
-    return {(method, boundary): foundation.measure(make(boundary, cell=0.125), boundary, cell=0.125, until=0.65)[:2]
-            for method, make in MAKERS.items() for boundary in ("fixed", "viscous")}
+    return {
+        (method, boundary): foundation.measure(
+            make(boundary, cell=0.125), boundary, cell=0.125, until=0.65
+        )[:2]
+        for method, make in MAKERS.items()
+        for boundary in ("fixed", "viscous")
+    }
 
 
 @pytest.mark.parametrize("method", MAKERS)
 def test_fixed_boundaries_bring_the_soil_to_yield_and_dashpots_do_not(runs, method):
     fixed, viscous = (runs[method, boundary][0] for boundary in ("fixed", "viscous"))
     plateau = foundation.plateau / 1e3
-    assert 0.98 * plateau < fixed["max_deviatoric_kpa"] < 1.002 * plateau  # a mean of samples that do not pass it
+    assert (
+        0.98 * plateau < fixed["max_deviatoric_kpa"] < 1.002 * plateau
+    )  # a mean of samples that do not pass it
     assert fixed["time_of_max_s"] == pytest.approx(0.62, abs=0.011)
     assert fixed["plastic_area_m2"] > 0.2
     assert 14.0 < viscous["max_deviatoric_kpa"] < 14.9 and viscous["plastic_area_m2"] == 0.0
@@ -45,7 +54,9 @@ def test_no_boundary_is_felt_before_its_echo_arrives(runs, method):
 def test_material_points_agree_with_finite_elements(runs):
     for boundary in ("fixed", "viscous"):
         points, elements = (runs[method, boundary][0] for method in ("DM-GC", "FE"))
-        assert points["max_deviatoric_kpa"] == pytest.approx(elements["max_deviatoric_kpa"], rel=0.03)
+        assert points["max_deviatoric_kpa"] == pytest.approx(
+            elements["max_deviatoric_kpa"], rel=0.03
+        )
         assert points["settlement_m"] == pytest.approx(elements["settlement_m"], rel=0.03)
 
 
@@ -80,11 +91,22 @@ def test_a_run_that_stops_keeps_its_row():
 
 def test_the_script_writes_figures_and_rows(tmp_path, monkeypatch):
     monkeypatch.setattr(foundation, "end", 0.01)
-    rows = foundation.main(["--quick", "--load", "30", "--softening", "20", "--results", str(tmp_path)])
+    rows = foundation.main(
+        ["--quick", "--load", "30", "--softening", "20", "--results", str(tmp_path)]
+    )
     assert json.loads((tmp_path / "foundation.json").read_text()) == rows
     assert {(row["method"], row["boundary"]) for row in rows} == {
-        (method, boundary) for method in MAKERS for boundary in foundation.BOUNDARIES}
+        (method, boundary) for method in MAKERS for boundary in foundation.BOUNDARIES
+    }
     for row in rows:
-        assert (row["load_kpa"], row["softening_kpa"], row["cell_m"], row["steps"]) == (30.0, 20.0, 0.125, 2)
+        assert (row["load_kpa"], row["softening_kpa"], row["cell_m"], row["steps"]) == (
+            30.0,
+            20.0,
+            0.125,
+            2,
+        )
         assert set(foundation.FIGURES) <= set(row)
-    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("foundation.png", "foundation_maps.png"))
+    assert all(
+        (tmp_path / name).stat().st_size > 10_000
+        for name in ("foundation.png", "foundation_maps.png")
+    )

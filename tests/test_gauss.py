@@ -27,13 +27,17 @@ def at_gauss(grid, gauss, expression):
     return sums.reshape(len(gauss), -1) / gauss.volume[:, None]
 
 
-GRIDS = pytest.mark.parametrize("make", [dense.uneven, lambda dim: bent(dense.uneven(dim))], ids=["boxes", "bent"])
+GRIDS = pytest.mark.parametrize(
+    "make", [dense.uneven, lambda dim: bent(dense.uneven(dim))], ids=["boxes", "bent"]
+)
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 
 
 def in_plane_strain(u):
     dim, ε = len(u), ufl.sym(ufl.grad(u))
-    return ufl.as_vector([ε[i, i] for i in range(dim)] + [2 * ε[i, j] for i, j in tensors.SHEAR[dim]])
+    return ufl.as_vector(
+        [ε[i, i] for i in range(dim)] + [2 * ε[i, j] for i, j in tensors.SHEAR[dim]]
+    )
 
 
 @GRIDS
@@ -44,7 +48,9 @@ def test_strain_of_random_nodal_displacements_is_that_of_ufl(make, dim):
     u.x.array[:] = np.random.default_rng(1).normal(size=len(u.x.array))
     found = gauss.strain(u.x.array.reshape(-1, dim))
     exact = at_gauss(grid, gauss, in_plane_strain(u))
-    np.testing.assert_allclose(found[:, tensors.in_plane(dim)], exact, atol=1e-12 * np.abs(exact).max())
+    np.testing.assert_allclose(
+        found[:, tensors.in_plane(dim)], exact, atol=1e-12 * np.abs(exact).max()
+    )
     if dim == 2:
         np.testing.assert_array_equal(found[:, 2], 0.0)
 
@@ -55,7 +61,9 @@ def test_strain_of_random_nodal_displacements_is_that_of_ufl(make, dim):
 def test_strain_of_a_linear_displacement_is_its_gradient(make, dim, mean_volume):
     grid = make(dim)
     A = np.random.default_rng(2).normal(size=(dim, dim))
-    strain = GaussPoints(grid, mean_volume).strain(dense.at_nodes(grid, lambda x: x @ A.T + 3.0).reshape(-1, dim))
+    strain = GaussPoints(grid, mean_volume).strain(
+        dense.at_nodes(grid, lambda x: x @ A.T + 3.0).reshape(-1, dim)
+    )
     exact = tensors.strain(A[None])
     np.testing.assert_allclose(strain, np.tile(exact, (len(strain), 1)), atol=1e-12)
 
@@ -68,7 +76,9 @@ def test_strain_of_products_of_coordinates_on_boxes(dim):
     x = at_gauss(grid, gauss, ufl.SpatialCoordinate(grid.mesh))
 
     def u(x):
-        return np.stack([x[:, 0] * x[:, 1], -2 * x[:, 0] * x[:, 1], *([x.prod(axis=1)] if dim == 3 else [])], 1)
+        return np.stack(
+            [x[:, 0] * x[:, 1], -2 * x[:, 0] * x[:, 1], *([x.prod(axis=1)] if dim == 3 else [])], 1
+        )
 
     strain = gauss.strain(dense.at_nodes(grid, u).reshape(-1, dim))
     np.testing.assert_allclose(strain[:, 0], x[:, 1], atol=1e-13)
@@ -86,14 +96,17 @@ def test_mean_volume_spreads_the_divergence_over_the_cell_and_leaves_the_deviato
     grid = make(dim)
     u = fem.Function(grid.space)
     u.x.array[:] = np.random.default_rng(3).normal(size=len(u.x.array))
-    plain, mean = (GaussPoints(grid, how).strain(u.x.array.reshape(-1, dim)) for how in (False, True))
+    plain, mean = (
+        GaussPoints(grid, how).strain(u.x.array.reshape(-1, dim)) for how in (False, True)
+    )
     V = dolfinx_versions.space(grid.mesh, "DQ", 0)
     size = dense.vector(V, ufl.TestFunction(V) * measure(grid.dx))
     divergence = dense.vector(V, ufl.div(u) * ufl.TestFunction(V) * measure(grid.dx)) / size
     divergence = divergence[dolfinx_versions.cell_dofs(V)[:, 0]]
     np.testing.assert_allclose(mean[:, :3].sum(axis=1), np.repeat(divergence, 2**dim), atol=1e-12)
-    np.testing.assert_allclose(GaussPoints(grid, True).mean_divergence(u.x.array.reshape(-1, dim)), divergence,
-                               atol=1e-12)
+    np.testing.assert_allclose(
+        GaussPoints(grid, True).mean_divergence(u.x.array.reshape(-1, dim)), divergence, atol=1e-12
+    )
     for rows in (plain, mean):
         rows[:, :3] -= rows[:, :3].mean(axis=1, keepdims=True)
     np.testing.assert_allclose(mean, plain, atol=1e-12)
@@ -107,7 +120,9 @@ def test_volumes_are_the_weights_of_ufl(make, dim):
     Q = dolfinx_versions.quadrature_space(grid.mesh, DEGREE, 1)
     weights = dense.vector(Q, ufl.TestFunction(Q)[0] * measure(grid.dx))
     np.testing.assert_allclose(gauss.volume, weights, rtol=1e-13)
-    whole = dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(fem.Constant(grid.mesh, 1.0) * grid.dx))
+    whole = dolfinx_versions.assemble_scalar(
+        dolfinx_versions.compile_form(fem.Constant(grid.mesh, 1.0) * grid.dx)
+    )
     assert gauss.volume.sum() == pytest.approx(whole, rel=1e-13)
     cells = gauss.volume.reshape(grid.cells, -1).sum(axis=1)
     np.testing.assert_allclose(gauss.size, np.repeat(cells ** (1 / dim), 2**dim), rtol=1e-13)
@@ -119,7 +134,9 @@ def test_digits_say_which_gauss_point_lies_where(dim):
     gauss, lat = GaussPoints(grid), grid.lattice
     x = at_gauss(grid, gauss, ufl.SpatialCoordinate(grid.mesh)).reshape(grid.cells, -1, dim)
     place = 0.5 + (gauss.digit - 0.5) / np.sqrt(3)
-    np.testing.assert_allclose(x, lat.lower[:, None] + place * (lat.upper - lat.lower)[:, None], atol=1e-14)
+    np.testing.assert_allclose(
+        x, lat.lower[:, None] + place * (lat.upper - lat.lower)[:, None], atol=1e-14
+    )
 
 
 @GRIDS
@@ -129,7 +146,9 @@ def test_forms_integrate_rows_as_sums_over_the_points(make, dim):
     gauss, field = GaussPoints(grid), GaussField(grid, 3)
     field.rows[:] = np.random.default_rng(4).normal(size=field.rows.shape)
     x = ufl.SpatialCoordinate(grid.mesh)
-    form = dolfinx_versions.compile_form(ufl.inner(field.function, ufl.as_vector([1.0, x[0], x[1] ** 2])) * measure(grid.dx))
+    form = dolfinx_versions.compile_form(
+        ufl.inner(field.function, ufl.as_vector([1.0, x[0], x[1] ** 2])) * measure(grid.dx)
+    )
     place = at_gauss(grid, gauss, x)
     weight = np.stack([np.ones(len(place)), place[:, 0], place[:, 1] ** 2], axis=1)
     by_hand = gauss.volume @ (field.rows * weight).sum(axis=1)

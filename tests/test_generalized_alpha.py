@@ -1,4 +1,5 @@
-"""Generalised α: its amplification matrix from the definitions, one element step by step, and every law's balance."""
+"""Generalised α: its amplification matrix from the definitions, one element step by step, and every
+law's balance."""
 
 from dataclasses import replace
 
@@ -32,10 +33,15 @@ from mpm_fenicsx.common import tensors
 from mpm_fenicsx.dynamics.motion import Motion
 from mpm_fenicsx.grid import weak_forms
 
-RADIUS = pytest.mark.parametrize("ρ, w", [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.8, 0.3), (0.8, 0.8), (1.0, 0.0),
-                                          (1.0, 1.0)])
+RADIUS = pytest.mark.parametrize(
+    "ρ, w", [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.8, 0.3), (0.8, 0.8), (1.0, 0.0), (1.0, 1.0)]
+)
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
-LAWS = {"elastic": dense.SOIL, "von Mises": VonMises(dense.SOIL, 10e3, 5e3, 1e6), "Hencky": Hencky(20e6, 0.25, 1500.0)}
+LAWS = {
+    "elastic": dense.SOIL,
+    "von Mises": VonMises(dense.SOIL, 10e3, 5e3, 1e6),
+    "Hencky": Hencky(20e6, 0.25, 1500.0),
+}
 
 
 def alphas(ρ, w):
@@ -45,11 +51,13 @@ def alphas(ρ, w):
 
 
 def amplification(Ω, ρ, w, ξ=0.0):
-    """(u, Δt v, Δt² a) of ü + 2ξω u̇ + ω²u = 0 over a step Ω = ωΔt, by the definitions (Chung & Hulbert 1993),
-    and what a load Δt² ((1 - α_f) p₁ + α_f p₀) adds."""
+    """(u, Δt v, Δt² a) of ü + 2ξω u̇ + ω²u = 0 over a step Ω = ωΔt, by the definitions (Chung &
+    Hulbert 1993), and what a load Δt² ((1 - α_f) p₁ + α_f p₀) adds."""
     αm, αf = alphas(ρ, w)
     γ, β = 0.5 - αm + αf, (1 - αm + αf) ** 2 / 4
-    end = np.array([[1.0, 0.0, -β], [0.0, 1.0, -γ], [(1 - αf) * Ω**2, (1 - αf) * 2 * ξ * Ω, 1 - αm]])
+    end = np.array(
+        [[1.0, 0.0, -β], [0.0, 1.0, -γ], [(1 - αf) * Ω**2, (1 - αf) * 2 * ξ * Ω, 1 - αm]]
+    )
     start = np.array([[1.0, 1.0, 0.5 - β], [0.0, 1.0, 1 - γ], [-αf * Ω**2, -αf * 2 * ξ * Ω, -αm]])
     return np.linalg.solve(end, start), np.linalg.solve(end, [0.0, 0.0, 1.0])
 
@@ -57,7 +65,9 @@ def amplification(Ω, ρ, w, ξ=0.0):
 @RADIUS
 def test_the_matrix_has_the_spectral_radius_asked_for(ρ, w):
     """ρ at infinity, where all eigenvalues meet; never above 1; 1 for slow vibrations."""
-    radius = [np.abs(np.linalg.eigvals(amplification(Ω, ρ, w)[0])).max() for Ω in np.logspace(-3, 4, 60)]
+    radius = [
+        np.abs(np.linalg.eigvals(amplification(Ω, ρ, w)[0])).max() for Ω in np.logspace(-3, 4, 60)
+    ]
     assert max(radius) < 1 + 1e-7
     assert radius[0] == pytest.approx(1.0, abs=1e-6)
     assert radius[-1] == pytest.approx(ρ, abs=0.02)
@@ -67,7 +77,8 @@ def test_the_matrix_has_the_spectral_radius_asked_for(ρ, w):
 
 @RADIUS
 def test_factors_are_the_definitions(ρ, w):
-    """A step of an oscillator by the factors, the balance written over 1 - α_f, equals the matrix."""
+    """A step of an oscillator by the factors, the balance written over 1 - α_f, equals the
+    matrix."""
     dt, ω, ξ, rng = 0.3, 7.0, 0.2, np.random.default_rng(0)
     step, (x, v, a) = GeneralizedAlpha(dt, ρ, w), rng.normal(size=3)
     (c, d), (C, D) = (step.velocity, step.acceleration), step.balanced
@@ -81,8 +92,12 @@ def test_factors_are_the_definitions(ρ, w):
 def one_element(stepping, load, H=0.5):
     """A cell between rollers, held on its left, with load, dashpot and spring on its right."""
     grid = Grid.box((0, 0), (H, H), (1, 1))
-    terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom", "top"), "y"),
-             Traction(grid.facets("right"), lambda t: (load(t), 0.0)), Viscoelastic(grid.facets("right"), SOIL, 2.0)]
+    terms = [
+        Fixed(grid.facets("left"), "x"),
+        Fixed(grid.facets("bottom", "top"), "y"),
+        Traction(grid.facets("right"), lambda t: (load(t), 0.0)),
+        Viscoelastic(grid.facets("right"), SOIL, 2.0),
+    ]
     run = FiniteElements(grid, SOIL, stepping, terms)
     mass, (λ, μ) = SOIL.density * H / 3, SOIL.lame
     stiffness = (λ + 2 * μ) / H + 2 * μ / 2.0
@@ -111,12 +126,15 @@ def test_one_element_follows_the_matrix_step_by_step(ρ, w, courant):
         run.step()
         p = ((1 - αf) * load((n + 1) * dt) + αf * load(n * dt)) / mass
         known = A @ known + b * dt**2 * p
-        np.testing.assert_allclose(state(run) * [1, dt, dt**2], known, rtol=0, atol=1e-10 * np.abs(known).max())
+        np.testing.assert_allclose(
+            state(run) * [1, dt, dt**2], known, rtol=0, atol=1e-10 * np.abs(known).max()
+        )
 
 
 @RADIUS
 def test_second_order(ρ, w):
-    """Error after a fixed time against the exact damped vibration; a is that of the balance at the start."""
+    """Error after a fixed time against the exact damped vibration; a is that of the balance at the
+    start."""
     ω, ξ, end = 3.0, 0.1, 2.0
     roots = np.array([-ξ + 1j * np.sqrt(1 - ξ**2), -ξ - 1j * np.sqrt(1 - ξ**2)]) * ω
     share = np.linalg.solve([np.ones(2), roots], [1.0, 0.5])
@@ -124,7 +142,10 @@ def test_second_order(ρ, w):
     for n in (200, 400):
         dt, A = end / n, amplification(ω * end / n, ρ, w, ξ)[0]
         x, v, _ = np.linalg.matrix_power(A, n) @ [1.0, 0.5 * dt, -(ω**2 + 2 * ξ * ω * 0.5) * dt**2]
-        exact = (share * np.exp(roots * end)).sum().real, (share * roots * np.exp(roots * end)).sum().real
+        exact = (
+            (share * np.exp(roots * end)).sum().real,
+            (share * roots * np.exp(roots * end)).sum().real,
+        )
         errors.append(np.abs([x - exact[0], v / dt - exact[1]]).max())
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
 
@@ -148,7 +169,9 @@ def test_a_radius_of_one_is_the_trapezoidal_rule_bit_by_bit_with_the_balance_at_
         body = dense.random_body(dense.uneven(2), np.random.default_rng(6))
         grid = Grid.box((-1, -1), (2, 2), (9, 9))
         load = Traction(body.surface("top"), lambda t: (0.0, 1e3 + t))
-        run = Simulation(grid, body, stepping, [load, Viscoelastic(body.surface("bottom"), SOIL, 3.0)], DM_GC)
+        run = Simulation(
+            grid, body, stepping, [load, Viscoelastic(body.surface("bottom"), SOIL, 3.0)], DM_GC
+        )
         run.until(3e-3)
         found.append(np.hstack((body.x, body.velocity, body.acceleration, body.stress)))
     np.testing.assert_array_equal(*found)
@@ -157,11 +180,13 @@ def test_a_radius_of_one_is_the_trapezoidal_rule_bit_by_bit_with_the_balance_at_
 @RADIUS
 @pytest.mark.parametrize("law", LAWS)
 def test_forces_of_finite_elements_balance_inside_the_step(law, ρ, w):
-    """A bar under a sudden blow: M [(1 - α_m) a₁ + α_m a₀] + A [(1 - α_f) σ₁ + α_f σ₀] = 0 for one element that cannot
-    move sideways; its nominal stress is Cauchy's."""
+    """A bar under a sudden blow: M [(1 - α_m) a₁ + α_m a₀] + A [(1 - α_f) σ₁ + α_f σ₀] = 0 for one
+    element that cannot move sideways; its nominal stress is Cauchy's."""
     grid = Grid.box((0, 0), (1, 1), (1, 1))
     fixed = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
-    run = FiniteElements(grid, LAWS[law], GeneralizedAlpha(2e-3, ρ, w), fixed, newton=Newton(tolerance=1e-11))
+    run = FiniteElements(
+        grid, LAWS[law], GeneralizedAlpha(2e-3, ρ, w), fixed, newton=Newton(tolerance=1e-11)
+    )
     right = grid.space.tabulate_dof_coordinates()[:, 0] > 0.5
     run.motion.nodal(run.motion.v)[right, 0] = -5.0
     mass, before, (αm, αf) = LAWS[law].density / 3, (0.0, 0.0), alphas(ρ, w)
@@ -169,7 +194,9 @@ def test_forces_of_finite_elements_balance_inside_the_step(law, ρ, w):
         run.step()
         now = run.motion.nodal(run.motion.a)[right, 0].mean(), run.stress(np.array([0]))[0, 0]
         inertia = mass * ((1 - αm) * now[0] + αm * before[0])
-        assert inertia + (1 - αf) * now[1] + αf * before[1] == pytest.approx(0.0, abs=1e-8 * abs(inertia))
+        assert inertia + (1 - αf) * now[1] + αf * before[1] == pytest.approx(
+            0.0, abs=1e-8 * abs(inertia)
+        )
         before = now
     assert abs(now[1]) > 1e4
 
@@ -177,12 +204,15 @@ def test_forces_of_finite_elements_balance_inside_the_step(law, ρ, w):
 @pytest.mark.parametrize("ρ, w", [(0.5, 0.0), (0.5, 0.5), (1.0, 1.0)])
 @pytest.mark.parametrize("law", LAWS)
 def test_forces_of_material_points_balance_inside_the_step(law, ρ, w):
-    """The same, node by node, for points placed at random, with gravity that varies, on linear shape functions."""
+    """The same, node by node, for points placed at random, with gravity that varies, on linear
+    shape functions."""
     grid, rng = dense.uneven(2), np.random.default_rng(5)
     body = dense.random_body(grid, rng, material=LAWS[law])
     body.stress *= 0.01 if law == "von Mises" else 1.0
     terms = [Fixed(grid.facets("bottom")), Gravity(lambda t: (3.0 + 4e3 * t, -9.81))]
-    run = Simulation(grid, body, GeneralizedAlpha(1e-3, ρ, w), terms, MPM, newton=Newton(tolerance=1e-11))
+    run = Simulation(
+        grid, body, GeneralizedAlpha(1e-3, ρ, w), terms, MPM, newton=Newton(tolerance=1e-11)
+    )
 
     αm, αf = alphas(ρ, w)
 
@@ -201,27 +231,37 @@ def test_forces_of_material_points_balance_inside_the_step(law, ρ, w):
             P = np.linalg.det(f)[:, None, None] * P @ np.linalg.inv(f).transpose(0, 2, 1)
         mean = (1 - αm) * motion.end()[1] + αm * motion.nodal(motion.a)
         g = np.array([3.0 + 4e3 * 1e-3 * (n + 1 - αf), -9.81])
-        M = dense.matrix(weak_forms.inertia(run.scene.density, ufl.TrialFunction(grid.space), motion.w) * run.scene.dx)
+        M = dense.matrix(
+            weak_forms.inertia(run.scene.density, ufl.TrialFunction(grid.space), motion.w)
+            * run.scene.dx
+        )
         inertia = M @ (mean - g).ravel()
         left = inertia + (1 - αf) * force(P) + αf * force(stress)
         free = ~run.equilibrium.fixed
         assert np.abs(left[free]).max() < 1e-8 * np.abs(force(P)).max()
 
 
-@pytest.mark.parametrize("stepping", [Newmark(0.05, 0.4, 0.7), GeneralizedAlpha(0.05, 0.3, 0.2)], ids=["γ", "α"])
+@pytest.mark.parametrize(
+    "stepping", [Newmark(0.05, 0.4, 0.7), GeneralizedAlpha(0.05, 0.3, 0.2)], ids=["γ", "α"]
+)
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
 def test_points_take_the_velocity_of_the_grids_rule(mapping, stepping):
-    """A body without stress under gravity that grows: what its points have is what its nodes have."""
+    """A body without stress under gravity that grows: what its points have is what its nodes
+    have."""
     grid = Grid.box((0, 0), (3, 3), (6, 6))
     body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0))
     factor = {"ksp_type": "preonly", "pc_type": "lu"}
-    run = Simulation(grid, body, stepping, [Gravity(lambda t: (t, 2.0 * t))], mapping, solver=factor)
+    run = Simulation(
+        grid, body, stepping, [Gravity(lambda t: (t, 2.0 * t))], mapping, solver=factor
+    )
     for _ in range(10):
         run.step()
         v, a = run.motion.end()
         there = run.motion.nodal(run.motion.u)[:, 1] > 0.0
         for at_points, at_nodes in ((body.velocity, v), (body.acceleration, a)):
-            np.testing.assert_allclose(at_points, np.tile(at_nodes[there].mean(axis=0), (len(body), 1)), rtol=1e-8)
+            np.testing.assert_allclose(
+                at_points, np.tile(at_nodes[there].mean(axis=0), (len(body), 1)), rtol=1e-8
+            )
 
 
 @pytest.mark.parametrize("mapping", [MPM, DM_GC], ids=str)
@@ -237,17 +277,26 @@ def test_a_body_that_falls_from_rest_with_its_acceleration_is_where_it_should_be
 @pytest.mark.parametrize("k", [1, 7])
 @pytest.mark.parametrize("ρ, w", [(1.0, 0.0), (0.8, 0.0), (0.8, 0.8), (0.5, 0.5)])
 def test_modes_of_a_bar_lose_what_the_matrix_says(ρ, w, k):
-    """The slowest and the fastest of 8 cells, Courant 2: modes sin θx, ω² = 6 c² (1 - cos θ)/(2 + cos θ)."""
+    """The slowest and the fastest of 8 cells, Courant 2: modes sin θx, ω² = 6 c² (1 - cos θ)/(2 +
+    cos θ)."""
     grid, dt, steps, θ = Grid.box((0, 0), (8, 1), (8, 1)), 2.0 / SOIL.p_speed, 50, k * np.pi / 8
-    run = FiniteElements(grid, SOIL, GeneralizedAlpha(dt, ρ, w), [
-        Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")])
+    run = FiniteElements(
+        grid,
+        SOIL,
+        GeneralizedAlpha(dt, ρ, w),
+        [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")],
+    )
     run.motion.nodal(run.motion.v)[:, 0] = np.sin(θ * grid.space.tabulate_dof_coordinates()[:, 0])
     energy = run.record(Energy())
     run.until(steps * dt)
     Ω = 2.0 * np.sqrt(6 * (1 - np.cos(θ)) / (2 + np.cos(θ)))
     u, v, _ = np.linalg.matrix_power(amplification(Ω, ρ, w)[0], steps) @ [0.0, 1.0, 0.0]
-    assert energy.left[-1] / energy.left[0] == pytest.approx(Ω**2 * u**2 + v**2, rel=1e-6, abs=1e-12)
-    np.testing.assert_allclose(energy.lost, energy.left[0] - energy.left, atol=1e-9 * energy.left[0])
+    assert energy.left[-1] / energy.left[0] == pytest.approx(
+        Ω**2 * u**2 + v**2, rel=1e-6, abs=1e-12
+    )
+    np.testing.assert_allclose(
+        energy.lost, energy.left[0] - energy.left, atol=1e-9 * energy.left[0]
+    )
 
 
 def test_newmark_does_not_pay():
@@ -262,13 +311,17 @@ def test_a_part_of_a_step_has_the_same_radius():
     assert replace(GeneralizedAlpha(0.2, 0.6), dt=0.3).gamma == GeneralizedAlpha(1.0, 0.6).gamma
 
 
-@pytest.mark.parametrize("parameters, name", [
-    ({"dt": 0.0, "spectral_radius": 0.5}, "dt"), ({"dt": 0.1, "spectral_radius": 1.1}, "spectral_radius .* 1.1"),
-    ({"dt": 0.1, "spectral_radius": -0.1}, "spectral_radius"),
-    ({"dt": 0.1, "spectral_radius": 0.5, "start": 0.6}, "start .* 0.6"),
-    ({"dt": 0.1, "spectral_radius": 0.5, "start": -0.1}, "start"),
-    ({"dt": 0.1, "spectral_radius": np.nan}, "spectral_radius"),
-])
+@pytest.mark.parametrize(
+    "parameters, name",
+    [
+        ({"dt": 0.0, "spectral_radius": 0.5}, "dt"),
+        ({"dt": 0.1, "spectral_radius": 1.1}, "spectral_radius .* 1.1"),
+        ({"dt": 0.1, "spectral_radius": -0.1}, "spectral_radius"),
+        ({"dt": 0.1, "spectral_radius": 0.5, "start": 0.6}, "start .* 0.6"),
+        ({"dt": 0.1, "spectral_radius": 0.5, "start": -0.1}, "start"),
+        ({"dt": 0.1, "spectral_radius": np.nan}, "spectral_radius"),
+    ],
+)
 def test_senseless_radii_are_refused(parameters, name):
     with pytest.raises(ValueError, match=name):
         GeneralizedAlpha(**parameters)
@@ -280,13 +333,21 @@ def test_a_load_that_stays_as_it_is_counts_as_one_that_is_constant(surface):
     for held in (False, True):
         grid = Grid.box((0, 0), (1, 1), (2, 2))
         body = MaterialPoints.fill(grid, SOIL, 4)
-        on, load = body.surface("right") if surface == "points" else grid.facets("right"), (-300.0, 0.0)
+        on, load = (
+            body.surface("right") if surface == "points" else grid.facets("right"),
+            (-300.0, 0.0),
+        )
         if held and surface == "points":
             load = np.tile(load, (len(on), 1))
         elif held:
             load = fem.Function(grid.space)
             load.x.array[:] = np.tile((-300.0, 0.0), grid.nodes)
-        run = Simulation(grid, body, GeneralizedAlpha(1e-3, 0.5, 0.5), [Fixed(grid.facets("left")), Traction(on, load)])
+        run = Simulation(
+            grid,
+            body,
+            GeneralizedAlpha(1e-3, 0.5, 0.5),
+            [Fixed(grid.facets("left")), Traction(on, load)],
+        )
         energy = run.record(Energy())
         run.until(5e-3)
         found.append(np.append(body.velocity.ravel(), energy["work"][-1]))

@@ -1,4 +1,5 @@
-"""Ghost penalty: what it does not touch, what it is by hand, and that light nodes stay where the others are."""
+"""Ghost penalty: what it does not touch, what it is by hand, and that light nodes stay where the
+others are."""
 
 import dense
 import numpy as np
@@ -32,9 +33,12 @@ CURE = (GhostPenalty(),)
 
 
 def block(dim, cut, mapping, stepping, terms=CURE, n=3):
-    """A block of n cells each way whose upper corner lies ``cut`` of a cell beyond the grid lines, with room around."""
+    """A block of n cells each way whose upper corner lies ``cut`` of a cell beyond the grid lines,
+    with room around."""
     grid = Grid.box([-2 * H] * dim, [(n + 3) * H] * dim, [n + 5] * dim)
-    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: ((x > 0) & (x < n * H)).all(axis=0))
+    body = MaterialPoints.fill(
+        grid, SOIL, 2**dim, inside=lambda x: ((x > 0) & (x < n * H)).all(axis=0)
+    )
     body.x += cut * H
     return Simulation(grid, body, stepping, terms, mapping)
 
@@ -49,7 +53,10 @@ def ready(run):
 def force(run, u, v=None, a=None):
     """Nodal forces (nodes, dim) of the penalty."""
     motion = run.motion
-    for f, values in ((motion.u, u), *(((motion.v, v), (motion.a, a)) if run.stepping.dynamic else ())):
+    for f, values in (
+        (motion.u, u),
+        *(((motion.v, v), (motion.a, a)) if run.stepping.dynamic else ()),
+    ):
         motion.nodal(f)[:] = values
     return dense.vector(run.grid.space, run.contributions[-1].work).reshape(u.shape)
 
@@ -62,7 +69,7 @@ def condition(run):
     return value[-1] / value[0]
 
 
-# -- what it does not touch ---------------------------------------------------------------------------------------
+# -- what it does not touch ------------------------------------------------------------------------
 
 
 @DIM
@@ -87,13 +94,20 @@ def test_linear_motions_do_not_feel_it_and_momentum_is_kept(dim, mapping):
 @DIM
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
 def test_a_body_in_free_flight_stays_as_it_is(dim, mapping):
-    """It goes from cell to cell; its surface points, under no load, lie a hair outside, in cells without material."""
+    """It goes from cell to cell; its surface points, under no load, lie a hair outside, in cells
+    without material."""
     run = block(dim, 0.0, mapping, Newmark(DT), n=2)
     body = run.bodies[0]
     surface = body.surface("right")
     surface.x[:, 0] += 1e-6 * H
-    run = Simulation(run.grid, body, run.stepping, [Traction(surface, (0.0,) * dim), *CURE], mapping,
-                     solver={"ksp_type": "preonly", "pc_type": "lu"})
+    run = Simulation(
+        run.grid,
+        body,
+        run.stepping,
+        [Traction(surface, (0.0,) * dim), *CURE],
+        mapping,
+        solver={"ksp_type": "preonly", "pc_type": "lu"},
+    )
     v = np.array([1.0, 0.17, -0.05])[:dim] * H / DT
     body.velocity[:] = v
     start = body.x.copy()
@@ -106,22 +120,27 @@ def test_a_body_in_free_flight_stays_as_it_is(dim, mapping):
 
 def test_where_cells_are_full_and_in_finite_elements_there_is_nothing():
     whole, bare = (ready(block(2, 0.0, DM_GC, Newmark(DT), terms)) for terms in (CURE, []))
-    assert np.array_equal(dense.dense(whole.equilibrium.matrix), dense.dense(bare.equilibrium.matrix))
+    assert np.array_equal(
+        dense.dense(whole.equilibrium.matrix), dense.dense(bare.equilibrium.matrix)
+    )
     assert bare.motion.region.dS is None
     grid, found = dense.uneven(2), []
     for terms in ([], CURE):
-        run = FiniteElements(grid, SOIL, Newmark(DT), [Fixed(grid.facets("bottom")), Gravity((0.0, -9.81)), *terms])
+        run = FiniteElements(
+            grid, SOIL, Newmark(DT), [Fixed(grid.facets("bottom")), Gravity((0.0, -9.81)), *terms]
+        )
         run.step()
         assert run.motion.region.dS is None
         found.append(run.displacement.x.array.copy())
     assert np.array_equal(*found) and np.abs(found[0]).max() > 0.0
 
 
-# -- what it is ---------------------------------------------------------------------------------------------------
+# -- what it is ------------------------------------------------------------------------------------
 
 
 def jumps(grid, x, d):
-    """[∂N_i/∂n] (points, nodes) at x on facets across direction d, from differences of hats, which are linear."""
+    """[∂N_i/∂n] (points, nodes) at x on facets across direction d, from differences of hats, which
+    are linear."""
     e = 1e-3 * np.eye(grid.dim)[d]
     there, after, before = (dense.hats(grid, x + k * e) for k in (0, 1, -1))
     return (after - 2 * there + before) / 1e-3
@@ -139,8 +158,10 @@ def test_it_is_the_sum_over_facets_by_hand(dim, mapping, dynamic):
     body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: (x < 0.8).all(axis=0))
     body.x += cut * (body.x > 0.5)
     stepping, K, G = Newmark(DT) if dynamic else QuasiStatic(1), 0.07, 0.2
-    matrices = [dense.dense(ready(Simulation(grid, body, stepping, terms, mapping)).equilibrium.matrix)
-                for terms in ([GhostPenalty(K, G)], [])]
+    matrices = [
+        dense.dense(ready(Simulation(grid, body, stepping, terms, mapping)).equilibrium.matrix)
+        for terms in ([GhostPenalty(K, G)], [])
+    ]
     factor = stepping.acceleration[0] if dynamic else 0.0
     low = np.stack(np.meshgrid(*[range(3)] * dim, indexing="ij"), -1).reshape(-1, dim)
     gauss = np.array([-1.0, 1.0]) / np.sqrt(3)
@@ -160,7 +181,9 @@ def test_it_is_the_sum_over_facets_by_hand(dim, mapping, dynamic):
             mass = factor * G * SOIL.density * h**3 if (beyond == 2).sum() < 2 else 0.0
             J = jumps(grid, x, d)
             by_hand = by_hand + weight * (K * M * h + mass) * J.T @ J
-    node = (grid.space.tabulate_dof_coordinates()[:, :dim] < 0.99).all(axis=1)  # idle rows of the one are left out
+    node = (grid.space.tabulate_dof_coordinates()[:, :dim] < 0.99).all(
+        axis=1
+    )  # idle rows of the one are left out
     keep = np.repeat(node, dim)
     found = (matrices[0] - matrices[1])[np.ix_(keep, keep)]
     expected = np.kron(by_hand, np.eye(dim))[np.ix_(keep, keep)]
@@ -183,13 +206,14 @@ def test_the_matrix_of_a_moving_body_is_that_of_a_new_run(dim):
     assert np.abs(A - B).max() < 1e-14 * np.abs(B).max()
 
 
-# -- what it is for -----------------------------------------------------------------------------------------------
+# -- what it is for --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("courant", [0.05, 0.5])
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
 def test_small_corners_stay_with_the_body(mapping, courant):
-    """Under a stress set free, the largest acceleration is what the stress gives to half a cell's mass or so."""
+    """Under a stress set free, the largest acceleration is what the stress gives to half a cell's
+    mass or so."""
     for cut in (1e-2, 1e-4, 1e-6, 1e-8):
         run = ready(block(2, cut, mapping, Newmark(courant * H / SOIL.p_speed)))
         assert condition(run) < 40
@@ -208,7 +232,8 @@ def test_without_it_gimp_loses_them():
 
 
 def test_nodes_that_only_a_dashpot_reaches_stay_with_the_body():
-    """Surface points a hair outside the body: left alone, their far nodes turn the dashpot's velocity to zero."""
+    """Surface points a hair outside the body: left alone, their far nodes turn the dashpot's
+    velocity to zero."""
     moved = {}
     for name, terms, hold in (("alone", (), False), ("penalty", CURE, True), ("ties", (), True)):
         run = block(2, 0.0, DM_GC, Newmark(DT), ())
@@ -216,7 +241,14 @@ def test_nodes_that_only_a_dashpot_reaches_stay_with_the_body():
         surface = body.surface("right")
         surface.x[:, 0] += 1e-6 * H
         body.velocity[:, 0] = 1.0
-        run = Simulation(run.grid, body, run.stepping, [Viscous(surface, SOIL), *terms], DM_GC, hold_cut_cells=hold)
+        run = Simulation(
+            run.grid,
+            body,
+            run.stepping,
+            [Viscous(surface, SOIL), *terms],
+            DM_GC,
+            hold_cut_cells=hold,
+        )
         run.step()
         moved[name] = np.abs(run.motion.u.x.array).max()
     assert moved["alone"] > 1e3 * DT
@@ -224,9 +256,16 @@ def test_nodes_that_only_a_dashpot_reaches_stay_with_the_body():
     assert moved["ties"] < 1.1 * DT
 
 
-@pytest.mark.parametrize(("given", "message"), [
-    ({"stiffness": -1.0}, "stiffness must be >= 0, got -1.0"), ({"mass": -0.5}, "mass must be >= 0, got -0.5"),
-    ({"mass": float("nan")}, "mass"), ({"below": 0.0}, "below"), ({"below": 1.5}, "below must be at most 1, got 1.5")])
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"stiffness": -1.0}, "stiffness must be >= 0, got -1.0"),
+        ({"mass": -0.5}, "mass must be >= 0, got -0.5"),
+        ({"mass": float("nan")}, "mass"),
+        ({"below": 0.0}, "below"),
+        ({"below": 1.5}, "below must be at most 1, got 1.5"),
+    ],
+)
 def test_what_makes_no_sense_is_refused(given, message):
     with pytest.raises(ValueError, match=message):
         GhostPenalty(**given)

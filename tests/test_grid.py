@@ -1,4 +1,5 @@
-"""The background grid: lattice against brute force, points found, files read, facets named, input refused."""
+"""The background grid: lattice against brute force, points found, files read, facets named, input
+refused."""
 
 import subprocess
 import sys
@@ -33,14 +34,18 @@ def index(grid, hats):
     return np.stack([hats.cell(d, centre[:, d]) for d in range(grid.dim)], axis=1)
 
 
-# -- lattice ----------------------------------------------------------------------------------------------------
+# -- lattice ---------------------------------------------------------------------------------------
 
 
 def test_cells_fill_the_grid_lines(grid, hats, index):
-    assert len({*map(tuple, index)}) == np.prod([len(line) - 1 for line in hats.lines]) == grid.cells
+    assert (
+        len({*map(tuple, index)}) == np.prod([len(line) - 1 for line in hats.lines]) == grid.cells
+    )
     for d, line in enumerate(hats.lines):
         np.testing.assert_allclose(grid.lattice.lower[:, d], line[index[:, d]], rtol=0, atol=1e-14)
-        np.testing.assert_allclose(grid.lattice.upper[:, d], line[index[:, d] + 1], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(
+            grid.lattice.upper[:, d], line[index[:, d] + 1], rtol=0, atol=1e-14
+        )
     whole = np.prod([line[-1] - line[0] for line in hats.lines])
     assert grid.lattice.volume.sum() == pytest.approx(whole, rel=1e-13)
 
@@ -80,21 +85,28 @@ def test_a_grid_with_an_inward_corner_finds_what_it_holds(l_shape):
     assert ((grid.lattice.lower[found] <= x) & (x <= grid.lattice.upper[found])).all()
 
 
-# -- points in cells --------------------------------------------------------------------------------------------
+# -- points in cells -------------------------------------------------------------------------------
 
 
 @settings(max_examples=30, deadline=None)
 @given(data=st.data())
 def test_a_point_lies_in_the_cell_above_its_edges(grid, hats, data):
-    coordinates = [st.one_of(st.sampled_from(list(line)), st.floats(line[0], line[-1])) for line in hats.lines]
+    coordinates = [
+        st.one_of(st.sampled_from(list(line)), st.floats(line[0], line[-1])) for line in hats.lines
+    ]
     x = np.array(data.draw(st.lists(st.tuples(*coordinates), min_size=1, max_size=8)))
     wanted = [hats.cell(d, x[:, d]) for d in range(grid.dim)]
-    start = np.array(data.draw(st.lists(st.integers(0, grid.cells - 1), min_size=len(x), max_size=len(x))), np.int32)
+    start = np.array(
+        data.draw(st.lists(st.integers(0, grid.cells - 1), min_size=len(x), max_size=len(x))),
+        np.int32,
+    )
     found = grid.find(x)
     grid.walk(x, start)
     assert np.array_equal(start, found)
     for d, line in enumerate(hats.lines):
-        np.testing.assert_allclose(grid.lattice.lower[found, d], line[wanted[d]], rtol=0, atol=1e-14)
+        np.testing.assert_allclose(
+            grid.lattice.lower[found, d], line[wanted[d]], rtol=0, atol=1e-14
+        )
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -125,12 +137,15 @@ def test_a_lost_point_stays_lost(grid):
     assert cell[0] == -1
 
 
-# -- files ------------------------------------------------------------------------------------------------------
+# -- files -----------------------------------------------------------------------------------------
 
 
 def shuffled(dim, rng):
-    """An uneven grid as a mesher might write it: nodes in any order, some unused, cells turned at random."""
-    lines = [np.array(v) for v in ([-3.0, -2.2, -1.7, -0.3], [10.0, 10.5, 11.7], [1.0, 1.3, 2.0])][:dim]
+    """An uneven grid as a mesher might write it: nodes in any order, some unused, cells turned at
+    random."""
+    lines = [np.array(v) for v in ([-3.0, -2.2, -1.7, -0.3], [10.0, 10.5, 11.7], [1.0, 1.3, 2.0])][
+        :dim
+    ]
     index = {i: n for n, i in enumerate(product(*(range(len(line)) for line in lines)))}
     x = np.array([[line[k] for line, k in zip(lines, i, strict=True)] for i in index])
     ring = np.array([(0, 0), (1, 0), (1, 1), (0, 1)])
@@ -156,7 +171,9 @@ def shuffled(dim, rng):
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_file_in_any_order_gives_the_same_grid(tmp_path, dim, kind, seed):
     lines, points, cells = shuffled(dim, np.random.default_rng(seed))
-    meshio.write(tmp_path / "grid.vtu", meshio.Mesh(points, [(kind, cells), ("line", cells[:2, :2])]))
+    meshio.write(
+        tmp_path / "grid.vtu", meshio.Mesh(points, [(kind, cells), ("line", cells[:2, :2])])
+    )
     read, made = Grid.read(tmp_path / "grid.vtu"), Grid.rectilinear(lines)
     places = []
     for grid in (read, made):
@@ -178,8 +195,10 @@ def test_a_file_without_quadrilaterals_is_refused(tmp_path):
         Grid.read(tmp_path / "triangle.vtu")
 
 
-@pytest.mark.parametrize(("axes", "words"), [((0, 2), "in the xz plane"), ((1, 2), "in the yz plane"),
-                                             ((0, 1), None), ((1, 0), None)])
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [((0, 2), "in the xz plane"), ((1, 2), "in the yz plane"), ((0, 1), None), ((1, 0), None)],
+)
 def test_quadrilaterals_lie_in_the_xy_plane_at_any_height(tmp_path, axes, words):
     x = np.full((4, 3), 7.0)
     x[:, axes] = [[0, 0], [2, 0], [2, 1], [0, 1]]
@@ -187,7 +206,9 @@ def test_quadrilaterals_lie_in_the_xy_plane_at_any_height(tmp_path, axes, words)
     if words is None:
         assert Grid.read(tmp_path / "flat.vtu").cells == 1
         return
-    with pytest.raises(ValueError, match=f"path names a file whose quadrilaterals lie {words}; .*turn the mesh"):
+    with pytest.raises(
+        ValueError, match=f"path names a file whose quadrilaterals lie {words}; .*turn the mesh"
+    ):
         Grid.read(tmp_path / "flat.vtu")
 
 
@@ -214,7 +235,7 @@ def test_a_crooked_mesh_is_refused_where_the_lattice_is_wanted(tmp_path):
         grid.lattice  # noqa: B018
 
 
-# -- facets -----------------------------------------------------------------------------------------------------
+# -- facets ----------------------------------------------------------------------------------------
 
 
 def test_sides_have_their_areas_and_unite(grid, hats):
@@ -224,7 +245,9 @@ def test_sides_have_their_areas_and_unite(grid, hats):
         for name in names:
             assert area(grid.facets(name)) == pytest.approx(length.prod() / length[d], rel=1e-13)
     left, bottom = grid.facets("left"), grid.facets("bottom")
-    assert area(grid.facets("left", "bottom")) == pytest.approx(area(left) + area(bottom), rel=1e-13)
+    assert area(grid.facets("left", "bottom")) == pytest.approx(
+        area(left) + area(bottom), rel=1e-13
+    )
     assert area(grid.facets("left", "left")) == pytest.approx(area(left), rel=1e-13)
     assert len(np.intersect1d(left.facets, bottom.facets)) == 0
     assert len(left.facets) == np.prod([len(line) - 1 for line in hats.lines[1:]])
@@ -232,8 +255,10 @@ def test_sides_have_their_areas_and_unite(grid, hats):
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_named_set_may_share_facets_with_sides(dim):
-    low = {"footing": lambda x: (x[1] > 7 - 1e-9) & (x[0] < -1 + 1e-9),
-           "corner": lambda x: (x[0] > 1 - 1e-9) | ((x[1] > 7 - 1e-9) & (x[0] > 0.5 - 1e-9))}
+    low = {
+        "footing": lambda x: (x[1] > 7 - 1e-9) & (x[0] < -1 + 1e-9),
+        "corner": lambda x: (x[0] > 1 - 1e-9) | ((x[1] > 7 - 1e-9) & (x[0] > 0.5 - 1e-9)),
+    }
     grid = box(dim, facets=low)
     assert area(grid.facets("footing")) == pytest.approx(1.0, rel=1e-13)
     assert area(grid.facets("top")) == pytest.approx(3.0, rel=1e-13)
@@ -243,29 +268,41 @@ def test_a_named_set_may_share_facets_with_sides(dim):
     assert area(grid.facets("corner", "top", "left")) == pytest.approx(7.0, rel=1e-13)
 
 
-@pytest.mark.parametrize("facets, words", [
-    ({"top": lambda x: x[1] > 6}, "'top' is taken"),
-    ({"nowhere": lambda x: x[0] > 99}, "'nowhere' is empty"),
-    ({"inner": lambda x: np.isclose(x[0], 0.0)}, "'inner' is empty"),
-    ({"a": lambda x: x[0] < -1.9, "b": lambda x: x[0] < -1.5}, r"\['a', 'b'\] overlap"),
-])
+@pytest.mark.parametrize(
+    "facets, words",
+    [
+        ({"top": lambda x: x[1] > 6}, "'top' is taken"),
+        ({"nowhere": lambda x: x[0] > 99}, "'nowhere' is empty"),
+        ({"inner": lambda x: np.isclose(x[0], 0.0)}, "'inner' is empty"),
+        ({"a": lambda x: x[0] < -1.9, "b": lambda x: x[0] < -1.5}, r"\['a', 'b'\] overlap"),
+    ],
+)
 def test_sets_that_make_no_sense_are_refused(facets, words):
     with pytest.raises(ValueError, match=words):
         box(2, facets=facets)
 
 
 def test_a_facet_set_that_is_not_known_is_refused():
-    with pytest.raises(ValueError, match="facets must be one of left, right, bottom, top, got 'front'"):
+    with pytest.raises(
+        ValueError, match="facets must be one of left, right, bottom, top, got 'front'"
+    ):
         box(2).facets("front")
     with pytest.raises(ValueError, match="no facet"):
         box(2).facets()
 
 
-@pytest.mark.parametrize("lower, upper, cells, words", [
-    ((0,), (1,), (3,), "2 or 3"), ((0, 0), (1, 1), (3, 3, 3), "2 or 3"), ((0, 0), (1, 1), (3, 0), "cells"),
-    ((0, 0), (1, 1), (3, 2.5), "cells"), ((0, 1), (1, 1), (3, 3), "lower must lie below upper"),
-    ((0, np.nan), (1, 1), (3, 3), "lower must be finite"), ((0, 0), (1, np.inf), (3, 3), "upper must be finite"),
-])
+@pytest.mark.parametrize(
+    "lower, upper, cells, words",
+    [
+        ((0,), (1,), (3,), "2 or 3"),
+        ((0, 0), (1, 1), (3, 3, 3), "2 or 3"),
+        ((0, 0), (1, 1), (3, 0), "cells"),
+        ((0, 0), (1, 1), (3, 2.5), "cells"),
+        ((0, 1), (1, 1), (3, 3), "lower must lie below upper"),
+        ((0, np.nan), (1, 1), (3, 3), "lower must be finite"),
+        ((0, 0), (1, np.inf), (3, 3), "upper must be finite"),
+    ],
+)
 def test_what_makes_no_box_is_refused(lower, upper, cells, words):
     with pytest.raises(ValueError, match=words):
         Grid.box(lower, upper, cells)
@@ -277,13 +314,18 @@ def test_grid_lines_that_do_not_increase_are_refused(line):
         Grid.rectilinear([np.array([0.0, 1.0]), np.array(line)])
 
 
-# -- ranks ------------------------------------------------------------------------------------------------------
+# -- ranks -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 3, 5])
 def test_owners_are_even_and_ghosts_are_the_vertex_neighbours(monkeypatch, grid, ranks):
-    cells, x = grid.lattice.nodes.astype(np.int64), grid.space.tabulate_dof_coordinates()[:, : grid.dim]
-    monkeypatch.setattr(dolfinx_versions, "create_mesh", lambda comm, x, cells, owners: owners(ranks))
+    cells, x = (
+        grid.lattice.nodes.astype(np.int64),
+        grid.space.tabulate_dof_coordinates()[:, : grid.dim],
+    )
+    monkeypatch.setattr(
+        dolfinx_versions, "create_mesh", lambda comm, x, cells, owners: owners(ranks)
+    )
     offsets, destinations = partition.distribute(grid.comm, x, cells)
     given = [destinations[a:b] for a, b in pairwise(offsets)]
     owner = np.array([g[0] for g in given])
@@ -315,6 +357,11 @@ print("fine")
 def test_two_ranks_share_the_cells():
     if mpiexec() is None:
         pytest.skip("no mpiexec beside Python or on PATH")
-    done = subprocess.run([mpiexec(), "-n", "2", sys.executable, "-c", PROGRAM], env=environment(),
-                          capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [mpiexec(), "-n", "2", sys.executable, "-c", PROGRAM],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0 and done.stdout.count("fine") == 2, done.stdout + done.stderr

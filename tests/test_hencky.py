@@ -1,4 +1,5 @@
-"""Hencky's hyperelasticity and multiplicative von Mises at the points, against closed forms and matrix series."""
+"""Hencky's hyperelasticity and multiplicative von Mises at the points, against closed forms and
+matrix series."""
 
 import math
 
@@ -9,7 +10,13 @@ import pytest
 from mpm_fenicsx import Hencky, LinearElastic, MaterialPoints, VonMises
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.materials import hencky_strain
-from mpm_fenicsx.materials.kinematics import FINITE_STRAIN, SHEAR, SMALL_STRAIN, deformation, volume_ratio
+from mpm_fenicsx.materials.kinematics import (
+    FINITE_STRAIN,
+    SHEAR,
+    SMALL_STRAIN,
+    deformation,
+    volume_ratio,
+)
 from mpm_fenicsx.response.finite_strain import product
 
 SOIL = Hencky(young=20e6, poisson=0.3, density=1500.0)
@@ -40,7 +47,7 @@ def full(rows):
     return out
 
 
-# -- the law in matrix series, fit for complex steps ------------------------------------------------------------------
+# -- the law in matrix series, fit for complex steps -----------------------------------------------
 
 
 def logarithm(A):
@@ -76,7 +83,9 @@ def returned(law, ε, κ):
     if law is not SOIL:
         q, c = np.sqrt(1.5 * (s * s).sum()), max(law.residual, law.peak - law.softening * κ)
         if q.real > math.sqrt(3) * c:
-            Δ = (q - math.sqrt(3) * (law.peak - law.softening * κ)) / (3 * μ - math.sqrt(3) * law.softening)
+            Δ = (q - math.sqrt(3) * (law.peak - law.softening * κ)) / (
+                3 * μ - math.sqrt(3) * law.softening
+            )
             if law.peak - law.softening * (κ + Δ.real) < law.residual:
                 Δ = (q - math.sqrt(3) * law.residual) / (3 * μ)
             s, κ = s * (1 - 3 * μ * Δ / q), κ + Δ
@@ -94,15 +103,17 @@ def reference(law, f, σ, J, κ):
 
 
 def states(law, dim, n=12, seed=0):
-    """A body with stress, volume and history at random; small deformations that leave it elastic, and others that
-    take it to residual strength."""
+    """A body with stress, volume and history at random; small deformations that leave it elastic,
+    and others that take it to residual strength."""
     rng = np.random.default_rng(seed)
     body = body_of(n, dim, law)
     body.stress[:] = 1.5e5 * rng.normal(size=body.stress.shape)
     body.volume[:] = rng.uniform(0.8, 1.2, n)
     if law.history:
         body.history[:] = rng.uniform(0.0, 0.1, (n, 1))
-    return body, np.eye(dim) + np.geomspace(3e-4, 0.3, n)[:, None, None] * rng.normal(size=(n, dim, dim))
+    return body, np.eye(dim) + np.geomspace(3e-4, 0.3, n)[:, None, None] * rng.normal(
+        size=(n, dim, dim)
+    )
 
 
 @LAWS
@@ -131,8 +142,21 @@ def responses(body, f):
     strain, values, vectors = FINITE_STRAIN.trial(state, f - np.eye(dim), rows, rows)
     τ, _, D = law.tangent(strain, np.zeros_like(strain), body.history, None)
     P, A = np.empty((n, dim**2)), np.empty((n, dim**2 * (dim**2 + 1) // 2))
-    hencky_strain.nominal(tuple(range(dim)), f, 1.0 / J, rows, rows, SHEAR[dim], tensors.in_plane(dim), τ, D, values,
-                        vectors, P, A)
+    hencky_strain.nominal(
+        tuple(range(dim)),
+        f,
+        1.0 / J,
+        rows,
+        rows,
+        SHEAR[dim],
+        tensors.in_plane(dim),
+        τ,
+        D,
+        values,
+        vectors,
+        P,
+        A,
+    )
     return P.reshape(n, dim, dim), A
 
 
@@ -140,7 +164,10 @@ def responses(body, f):
 @DIMS
 def test_nominal_stress_and_its_tangent_are_those_of_the_series_by_complex_steps(dim, law):
     body, f = states(law, dim, seed=1)
-    f[0], f[1] = np.eye(dim), 1.1 * np.eye(dim)  # equal eigenvalues, where nothing has happened before
+    f[0], f[1] = (
+        np.eye(dim),
+        1.1 * np.eye(dim),
+    )  # equal eigenvalues, where nothing has happened before
     f[2] = np.eye(dim) + 1e-7 * np.ones((dim, dim))  # and nearly equal ones
     body.stress[:3] = 0.0
     P, A = responses(body, f)
@@ -148,7 +175,9 @@ def test_nominal_stress_and_its_tangent_are_those_of_the_series_by_complex_steps
     change = product(A, way).reshape(f.shape)
     for p in range(len(body)):
         κ = 0.0 if body.history is None else body.history[p, 0]
-        exact = reference(law, f[p] + 1e-30j * way[p], full(body.stress)[p], volume_ratio(body)[p], κ)[0]
+        exact = reference(
+            law, f[p] + 1e-30j * way[p], full(body.stress)[p], volume_ratio(body)[p], κ
+        )[0]
         np.testing.assert_allclose(P[p], exact.real, atol=1e-10 * λ)
         np.testing.assert_allclose(change[p], exact.imag / 1e-30, atol=1e-9 * λ)
 
@@ -167,10 +196,12 @@ def test_at_no_strain_the_tangent_is_hookes_plus_the_stress(dim):
     np.testing.assert_allclose(found, hooke, atol=1e-5 * np.abs(hooke).max())
     σ, spin = tensors.matrix(body.stress, dim), g - g.transpose(0, 2, 1)
     np.testing.assert_allclose(P, σ, atol=1e-14 * SOIL.young)
-    np.testing.assert_allclose(product(A, spin).reshape(g.shape), spin @ σ, atol=1e-6 * np.abs(spin @ σ).max())
+    np.testing.assert_allclose(
+        product(A, spin).reshape(g.shape), spin @ σ, atol=1e-6 * np.abs(spin @ σ).max()
+    )
 
 
-# -- closed forms -----------------------------------------------------------------------------------------------------
+# -- closed forms ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("steps", [1, 7])
@@ -193,7 +224,8 @@ def test_uniaxial_strain(dim, steps):
 @pytest.mark.parametrize("steps", [1, 7])
 @DIMS
 def test_simple_shear(dim, steps):
-    """b has the eigenvalues e^(±2 asinh(γ/2)), its axes at half the angle whose cotangent is γ/2; σ_zz = 0."""
+    """b has the eigenvalues e^(±2 asinh(γ/2)), its axes at half the angle whose cotangent is γ/2;
+    σ_zz = 0."""
     γ = 1.7
     body, f = body_of(1, dim), np.eye(dim)
     f[0, 1] = γ / steps
@@ -219,12 +251,15 @@ def test_rigid_rotations_turn_the_stress_and_add_none(dim):
     assert np.abs(body.stress[:10]).max() < 1e-12 * SOIL.young
     turn = np.eye(3)
     turn[:dim, :dim] = Q
-    np.testing.assert_allclose(full(body.stress)[10:], turn @ before[10:] @ turn.T, atol=1e-12 * SOIL.young)
+    np.testing.assert_allclose(
+        full(body.stress)[10:], turn @ before[10:] @ turn.T, atol=1e-12 * SOIL.young
+    )
 
 
 @DIMS
 def test_a_closed_path_gives_the_energy_back(dim):
-    """Two steps are the one of their product, whatever the way; back at the start nothing is left."""
+    """Two steps are the one of their product, whatever the way; back at the start nothing is
+    left."""
     rng = np.random.default_rng(6)
     f = np.eye(dim) + 0.2 * rng.normal(size=(5, 10, dim, dim))
     once, twice = body_of(10, dim), body_of(10, dim)
@@ -242,7 +277,8 @@ def test_a_closed_path_gives_the_energy_back(dim):
 @pytest.mark.parametrize("steps", [1, 10])
 @DIMS
 def test_plane_strain_extension_through_softening(dim, steps):
-    """Stretch e^a by e^-a, axes fixed: τ_x = -τ_y = c, κ = 2/√3 (a - c/2μ) with c = peak - h κ; volume is kept."""
+    """Stretch e^a by e^-a, axes fixed: τ_x = -τ_y = c, κ = 2/√3 (a - c/2μ) with c = peak - h κ;
+    volume is kept."""
     a = 0.2
     body, f = body_of(1, dim, LAW), np.eye(dim)
     f[0, 0], f[1, 1] = math.exp(a / steps), math.exp(-a / steps)
@@ -267,10 +303,12 @@ def test_plastic_flow_keeps_the_volume(dim):
         strained(body, np.eye(dim) + 0.1 * rng.normal(size=(10, dim, dim)))
     J = volume_ratio(body)
     assert body.history.min() > 0.1
-    np.testing.assert_allclose(LAW.strain(J[:, None] * body.stress)[:, :3].sum(axis=1), np.log(J), atol=1e-12)
+    np.testing.assert_allclose(
+        LAW.strain(J[:, None] * body.stress)[:, :3].sum(axis=1), np.log(J), atol=1e-12
+    )
 
 
-# -- what the material says -------------------------------------------------------------------------------------------
+# -- what the material says ------------------------------------------------------------------------
 
 
 def test_materials_say_how_their_points_strain():

@@ -1,4 +1,5 @@
-"""Internal force of points: with stress linear over support domains it is the integral of the parts that lines cut."""
+"""Internal force of points: with stress linear over support domains it is the integral of the parts
+that lines cut."""
 
 from dataclasses import replace
 
@@ -12,8 +13,11 @@ from mpm_fenicsx.mapping.shape_functions import Stencil
 
 
 def edges(line, rng):
-    """Edges of support domains along a direction: two of them in each cell, most domains lie across a grid line."""
-    inner = line[:-1, None] + np.diff(line)[:, None] * [0.3, 0.8] * rng.uniform(0.9, 1.1, (len(line) - 1, 2))
+    """Edges of support domains along a direction: two of them in each cell, most domains lie across
+    a grid line."""
+    inner = line[:-1, None] + np.diff(line)[:, None] * [0.3, 0.8] * rng.uniform(
+        0.9, 1.1, (len(line) - 1, 2)
+    )
     return np.concatenate((line[:1], inner.ravel(), line[-1:]))
 
 
@@ -22,8 +26,10 @@ def scene(grid, hats, soil):
     """Support domains that tile the grid, their stencil, and their edges."""
     rng = np.random.default_rng(5)
     lines = [edges(line, rng) for line in hats.lines]
-    x, half = (np.stack(np.meshgrid(*parts, indexing="ij"), -1).reshape(-1, grid.dim) for parts in (
-        [(a[1:] + a[:-1]) / 2 for a in lines], [np.diff(a) / 2 for a in lines]))
+    x, half = (
+        np.stack(np.meshgrid(*parts, indexing="ij"), -1).reshape(-1, grid.dim)
+        for parts in ([(a[1:] + a[:-1]) / 2 for a in lines], [np.diff(a) / 2 for a in lines])
+    )
     body = MaterialPoints(soil, x, half, (2 * half).prod(axis=1))
     stencil = Stencil(grid, len(body), support=True)
     stencil.place(body.x, body.half, grid.find(body.x))
@@ -59,16 +65,21 @@ def force(way, grid, body, stencil):
 
 
 def by_hand(hats, lines, field):
-    """Σ V_k σ(x_k) ∇N_i(x_k) over the parts that grid lines cut the domains into, x_k their centres."""
+    """Σ V_k σ(x_k) ∇N_i(x_k) over the parts that grid lines cut the domains into, x_k their
+    centres."""
     dim = len(lines)
     cut = [np.unique(np.concatenate((line, hats.lines[d]))) for d, line in enumerate(lines)]
-    x, size = (np.stack(np.meshgrid(*parts, indexing="ij"), -1).reshape(-1, dim) for parts in (
-        [(a[1:] + a[:-1]) / 2 for a in cut], [np.diff(a) for a in cut]))
+    x, size = (
+        np.stack(np.meshgrid(*parts, indexing="ij"), -1).reshape(-1, dim)
+        for parts in ([(a[1:] + a[:-1]) / 2 for a in cut], [np.diff(a) for a in cut])
+    )
     pulled = size.prod(axis=1)[:, None, None] * field(x)
     hat = [hats.hat(d, x[:, d]) for d in range(dim)]
     out = np.zeros((len(hats.node), dim))
     for d in range(dim):
-        gradient = np.prod([hat[e][1 if e == d else 0][:, hats.place[:, e]] for e in range(dim)], axis=0)
+        gradient = np.prod(
+            [hat[e][1 if e == d else 0][:, hats.place[:, e]] for e in range(dim)], axis=0
+        )
         out += np.einsum("nj,ni->ij", pulled[:, :, d], gradient)
     return out
 
@@ -89,8 +100,12 @@ def test_uniform_stress_pulls_as_ever(grid, scene):
     body, stencil, _ = scene
     body.stress[:] = rows(Field(grid.dim, np.random.default_rng(2))(np.zeros((1, grid.dim))))
     constant = force(ConstantStress, grid, body, stencil)
-    np.testing.assert_allclose(force(LinearStress, grid, body, stencil), constant, rtol=0,
-                               atol=1e-12 * np.abs(constant).max())
+    np.testing.assert_allclose(
+        force(LinearStress, grid, body, stencil),
+        constant,
+        rtol=0,
+        atol=1e-12 * np.abs(constant).max(),
+    )
 
 
 def test_whatever_the_stress_force_and_moment_vanish(grid, hats, scene):
@@ -105,18 +120,31 @@ def test_whatever_the_stress_force_and_moment_vanish(grid, hats, scene):
 
 def test_where_points_lie_in_a_row_stress_is_taken_as_constant(soil):
     grid = Grid.box((0, 0), (4, 1), (4, 1))
-    body = MaterialPoints(soil, [[0.9, 0.5], [1.5, 0.5], [2.1, 0.5]], np.full((3, 2), 0.3), np.full(3, 0.36))
+    body = MaterialPoints(
+        soil, [[0.9, 0.5], [1.5, 0.5], [2.1, 0.5]], np.full((3, 2), 0.3), np.full(3, 0.36)
+    )
     body.stress[:, 0] = [1.0, 5.0, -2.0]
     stencil = Stencil(grid, 3, support=True)
     stencil.place(body.x, body.half, grid.find(body.x))
-    np.testing.assert_allclose(force(LinearStress, grid, body, stencil), force(ConstantStress, grid, body, stencil),
-                               atol=1e-14)
+    np.testing.assert_allclose(
+        force(LinearStress, grid, body, stencil),
+        force(ConstantStress, grid, body, stencil),
+        atol=1e-14,
+    )
 
 
 def test_only_linear_mappings_pay_for_it_and_they_need_support_domains(soil):
     grid = Grid.box((0, 0), (2, 2), (2, 2))
     for mapping, way in ((GIMP, ConstantStress), (DM_GCL, LinearStress)):
-        run = Simulation(grid, MaterialPoints.fill(grid, soil, 4), Newmark(1e-3), [Fixed(grid.facets("left"))], mapping)
+        run = Simulation(
+            grid,
+            MaterialPoints.fill(grid, soil, 4),
+            Newmark(1e-3),
+            [Fixed(grid.facets("left"))],
+            mapping,
+        )
         assert type(run.stress) is way
-    with pytest.raises(ValueError, match="linear stress needs support domains, and mapping MPM has none"):
+    with pytest.raises(
+        ValueError, match="linear stress needs support domains, and mapping MPM has none"
+    ):
         replace(MPM, linear=True)

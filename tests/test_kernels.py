@@ -21,7 +21,10 @@ def stencil(request, grid, points):
 def dense(stencil):
     """Weights (n, nodes) and gradients (n, nodes, dim) of a stencil as full arrays."""
     n = len(stencil)
-    weights, gradients = np.zeros((n, stencil.grid.nodes)), np.zeros((n, stencil.grid.nodes, stencil.grid.dim))
+    weights, gradients = (
+        np.zeros((n, stencil.grid.nodes)),
+        np.zeros((n, stencil.grid.nodes, stencil.grid.dim)),
+    )
     rows = np.arange(n)[:, None]
     np.add.at(weights, (rows, stencil.nodes), stencil.values)
     np.add.at(gradients, (rows, stencil.nodes), stencil.gradients)
@@ -37,7 +40,10 @@ def test_digits_count_with_the_first_direction_fastest():
 
 def test_deposit_and_interpolation_are_the_dense_products(stencil):
     weights, gradients = dense(stencil)
-    values, field = rng.normal(size=(len(stencil), 5)), rng.normal(size=(stencil.grid.nodes, stencil.grid.dim))
+    values, field = (
+        rng.normal(size=(len(stencil), 5)),
+        rng.normal(size=(stencil.grid.nodes, stencil.grid.dim)),
+    )
     nodal = np.ones((stencil.grid.nodes, 5))
     stencil.deposit(values, nodal)
     np.testing.assert_allclose(nodal, 1 + weights.T @ values, rtol=0, atol=1e-12)
@@ -49,10 +55,15 @@ def test_deposit_and_interpolation_are_the_dense_products(stencil):
 def test_internal_force_is_the_adjoint_of_the_gradient(stencil):
     """Σ_i f_i · u_i = Σ_p σ_p : ∇u(x_p) for any u and any σ, symmetric or not."""
     dim = stencil.grid.dim
-    stress, u = rng.normal(size=(len(stencil), dim, dim)), rng.normal(size=(stencil.grid.nodes, dim))
+    stress, u = (
+        rng.normal(size=(len(stencil), dim, dim)),
+        rng.normal(size=(stencil.grid.nodes, dim)),
+    )
     force = np.zeros_like(u)
     stencil.deposit_divergence(stress, force)
-    assert (force * u).sum() == pytest.approx((stress * stencil.gradient_at_points(u)).sum(), abs=1e-10)
+    assert (force * u).sum() == pytest.approx(
+        (stress * stencil.gradient_at_points(u)).sum(), abs=1e-10
+    )
 
 
 def test_internal_force_gives_no_momentum_and_no_moment(stencil, hats):
@@ -65,7 +76,8 @@ def test_internal_force_gives_no_momentum_and_no_moment(stencil, hats):
 
 
 def test_spans_of_points_worked_by_hand():
-    """Cells [0, 1] and [1, 3]: a domain in one cell, across the edge, cut by the grid's end, wider than its cell."""
+    """Cells [0, 1] and [1, 3]: a domain in one cell, across the edge, cut by the grid's end, wider
+    than its cell."""
     lower, upper = np.array([[0.0], [1.0]]), np.array([[1.0], [3.0]])
     neighbour = np.array([[[-1, 1]], [[0, -1]]], np.int32)
     x = np.array([[0.5], [0.9], [1.2], [2.8], [0.9], [0.3]])
@@ -73,11 +85,15 @@ def test_spans_of_points_worked_by_hand():
     cell = np.array([0, 0, 1, 1, 0, 0], np.int32)
     side, span, share = np.zeros((6, 1), np.int8), np.zeros((6, 1, 2, 2)), np.zeros((6, 1, 2))
     first, line, slope = np.zeros(6, np.uint64), np.zeros((6, 1, 3)), np.zeros((6, 1, 3))
-    kernels.place((0,), x, half, cell, lower, upper, neighbour, side, span, share, first, line, slope)
+    kernels.place(
+        (0,), x, half, cell, lower, upper, neighbour, side, span, share, first, line, slope
+    )
     assert side.ravel().tolist() == [0, 1, -1, 0, 1, 0]
     own = [[0.25, 0.75], [0.7, 1.0], [0.0, 0.3], [0.7, 1.0], [0.4, 1.0], [0.3, 0.3]]
     np.testing.assert_allclose(span[:, 0, 0], own, rtol=0, atol=1e-15)
-    np.testing.assert_allclose(span[[1, 2, 4], 0, 1], [[0, 0.05], [0.8, 1], [0, 0.2]], rtol=0, atol=1e-15)
+    np.testing.assert_allclose(
+        span[[1, 2, 4], 0, 1], [[0, 0.05], [0.8, 1], [0, 0.2]], rtol=0, atol=1e-15
+    )
     np.testing.assert_allclose(share[:, 0, 0], [1, 0.75, 0.75, 1, 0.6, 1], rtol=0, atol=1e-15)
     np.testing.assert_allclose(share.sum(axis=2), 1, rtol=0, atol=1e-15)
 

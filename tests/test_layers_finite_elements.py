@@ -70,8 +70,9 @@ class Layers:
         where = [lambda x, a=a, b=b: (x[self.up] > a) & (x[self.up] < b) for a, b in ends]
         self.material = list(zip(laws, where, strict=True))
         if way == "bodies":
-            self.material = [MaterialPoints.fill(self.grid, law, 2**dim, inside)
-                             for law, inside in self.material]
+            self.material = [
+                MaterialPoints.fill(self.grid, law, 2**dim, inside) for law, inside in self.material
+            ]
 
     def surface(self, end):
         names = {place: name for name, place in SIDES.items()}
@@ -80,8 +81,9 @@ class Layers:
     def rollers(self):
         """Smooth walls all around, and a base."""
         sides = {0: ("left", "right"), 1: ("bottom", "top"), 2: ("back", "front")}
-        walls = [Fixed(self.grid.facets(*sides[d]), "xyz"[d])
-                 for d in range(self.dim) if d != self.up]
+        walls = [
+            Fixed(self.grid.facets(*sides[d]), "xyz"[d]) for d in range(self.dim) if d != self.up
+        ]
         return [*walls, Fixed(self.surface(0), "xyz"[self.up])]
 
     def pushed(self, load):

@@ -1,4 +1,5 @@
-"""B-bar: volume changes by the mean of a cell, in the forms, at Gauss points and at material points."""
+"""B-bar: volume changes by the mean of a cell, in the forms, at Gauss points and at material
+points."""
 
 import warnings
 
@@ -60,17 +61,32 @@ def test_the_form_is_b_bar_by_hand_on_one_cell(dim):
     grid = Grid.box((0,) * dim, size, (1,) * dim)
     soil = LinearElastic(young=3e6, poisson=0.49, density=1.0)
     scene, u = dense.bare_scene(grid, QuasiStatic(1)), ufl.TrialFunction(grid.space)
-    K = dense.matrix(elastic_work(scene.motion, scene.dx, *soil.lame, u, scene.motion.w, b_bar=True))
+    K = dense.matrix(
+        elastic_work(scene.motion, scene.dx, *soil.lame, u, scene.motion.w, b_bar=True)
+    )
     ξ = np.rint(grid.space.tabulate_dof_coordinates()[:, :dim] / size)  # of nodes, 0 or 1
-    gauss = 0.5 + (np.stack(np.meshgrid(*[[-1, 1]] * dim, indexing="ij"), -1).reshape(-1, dim)) / np.sqrt(12)
-    C = soil.tangent(np.zeros((1, tensors.components(dim))), np.zeros((1, tensors.components(dim))), None)[2][0]
+    gauss = 0.5 + (
+        np.stack(np.meshgrid(*[[-1, 1]] * dim, indexing="ij"), -1).reshape(-1, dim)
+    ) / np.sqrt(12)
+    C = soil.tangent(
+        np.zeros((1, tensors.components(dim))), np.zeros((1, tensors.components(dim))), None
+    )[2][0]
     volume = np.zeros(tensors.components(dim))
     volume[:3] = 1.0
     B = []
     for x in gauss:
         one = np.where(ξ == 1, x, 1 - x)
-        B.append(strain_rows(np.stack([(2 * ξ[:, d] - 1) * np.delete(one, d, 1).prod(1) / size[d]
-                                       for d in range(dim)], -1)))
+        B.append(
+            strain_rows(
+                np.stack(
+                    [
+                        (2 * ξ[:, d] - 1) * np.delete(one, d, 1).prod(1) / size[d]
+                        for d in range(dim)
+                    ],
+                    -1,
+                )
+            )
+        )
     mean = sum(volume @ b for b in B) / len(B)
     by_hand = np.zeros_like(K)
     for b in B:
@@ -83,18 +99,25 @@ def test_the_form_is_b_bar_by_hand_on_one_cell(dim):
 
 @pytest.mark.parametrize("order", [1, -1])
 def test_one_point_rules_leave_other_rules_alone(order):
-    """FFCx hands the coefficients of a one-point rule to every rule of its kernel: it has to have its own."""
+    """FFCx hands the coefficients of a one-point rule to every rule of its kernel: it has to have
+    its own."""
     grid = dense.uneven(2)
     u, w = fem.Function(grid.space), ufl.TestFunction(grid.space)
     u.x.array[:] = random_motion(grid).ravel()
-    parts = [integrand * grid.dx(metadata={"quadrature_degree": degree})
-             for degree, integrand in ((3, weak_forms.distortion_work(1.0, u, w)), (1, weak_forms.dilation_work(2.0, 1.0, u, w)))]
+    parts = [
+        integrand * grid.dx(metadata={"quadrature_degree": degree})
+        for degree, integrand in (
+            (3, weak_forms.distortion_work(1.0, u, w)),
+            (1, weak_forms.dilation_work(2.0, 1.0, u, w)),
+        )
+    ]
     together = dense.vector(grid.space, sum(parts[::order]))
     apart = sum(dense.vector(grid.space, part) for part in parts)
     assert np.abs(together - apart).max() < 1e-13 * np.abs(apart).max()
     energy = [ufl.replace(part, {w: u}) for part in parts[::order]]
-    assert dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(sum(energy))) == pytest.approx(
-        apart @ u.x.array, rel=1e-12)
+    assert dolfinx_versions.assemble_scalar(
+        dolfinx_versions.compile_form(sum(energy))
+    ) == pytest.approx(apart @ u.x.array, rel=1e-12)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -106,15 +129,20 @@ def test_gauss_points_and_material_points_see_the_mean_of_their_cells(dim):
     plain = GaussPoints(grid).strain(u)
     by_hand = plain[:, :3].sum(axis=1).reshape(grid.cells, -1).mean(axis=1)
     np.testing.assert_allclose(mean, by_hand, atol=1e-13 * np.abs(by_hand).max())
-    np.testing.assert_allclose(gauss.strain(u), tensors.dilate(plain, np.repeat(by_hand, 2**dim)),
-                               atol=1e-13 * np.abs(plain).max())
+    np.testing.assert_allclose(
+        gauss.strain(u),
+        tensors.dilate(plain, np.repeat(by_hand, 2**dim)),
+        atol=1e-13 * np.abs(plain).max(),
+    )
     body = dense.tiles(grid, np.random.default_rng(3))
     stencil = Stencil(grid, len(body), support=True)
     stencil.place(body.x, body.half, grid.find(body.x))
     a, b = (body.x - body.half)[:, None], (body.x + body.half)[:, None]
     overlap = np.clip(np.minimum(b, lat.upper) - np.maximum(a, lat.lower), 0.0, None).prod(axis=2)
     assert ((overlap > 1e-12).sum(axis=1) == 2**dim).any()
-    np.testing.assert_allclose(stencil.mean_of_cells(mean), overlap @ mean / body.volume, atol=1e-12)
+    np.testing.assert_allclose(
+        stencil.mean_of_cells(mean), overlap @ mean / body.volume, atol=1e-12
+    )
     linear = Stencil(grid, len(body), support=False)
     linear.place(body.x, None, grid.find(body.x))
     np.testing.assert_array_equal(linear.mean_of_cells(mean), mean[grid.find(body.x)])
@@ -132,8 +160,12 @@ def test_points_and_gauss_points_agree_on_a_uniform_strain(dim, mapping):
     at_gauss = run.gauss.strain(run.motion.nodal(run.motion.u))
     run.carry()
     expected = dense.SOIL.update(at_gauss[:1], np.zeros_like(at_gauss[:1]))
-    np.testing.assert_allclose(at_gauss, np.repeat(at_gauss[:1], len(at_gauss), 0), atol=1e-13 * np.abs(g).max())
-    np.testing.assert_allclose(body.stress, np.repeat(expected, len(body), 0), atol=1e-10 * np.abs(expected).max())
+    np.testing.assert_allclose(
+        at_gauss, np.repeat(at_gauss[:1], len(at_gauss), 0), atol=1e-13 * np.abs(g).max()
+    )
+    np.testing.assert_allclose(
+        body.stress, np.repeat(expected, len(body), 0), atol=1e-10 * np.abs(expected).max()
+    )
 
 
 SIDES = {"left": "x", "right": "x", "back": "z", "front": "z"}
@@ -141,7 +173,11 @@ SIDES = {"left": "x", "right": "x", "back": "z", "front": "z"}
 
 def oedometer(grid, value):
     """Terms of a block between rollers under a smooth plate."""
-    rollers = [Fixed(grid.facets(name), axis) for name, axis in SIDES.items() if grid.dim == 3 or axis == "x"]
+    rollers = [
+        Fixed(grid.facets(name), axis)
+        for name, axis in SIDES.items()
+        if grid.dim == 3 or axis == "x"
+    ]
     return [*rollers, Fixed(grid.facets("bottom"), "y"), Fixed(grid.facets("top"), "y", value)]
 
 
@@ -149,7 +185,11 @@ def oedometer(grid, value):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_patch_under_a_moved_plate_strains_evenly(dim, method):
     """And by what was asked for, whatever the steps."""
-    grid, soil, settlement = dense.uneven(dim), LinearElastic(young=1e7, poisson=0.499, density=1e3), 1e-7
+    grid, soil, settlement = (
+        dense.uneven(dim),
+        LinearElastic(young=1e7, poisson=0.499, density=1e3),
+        1e-7,
+    )
     terms = oedometer(grid, lambda t: 1.0 - settlement * t**2)
     if method == "FE":
         run = FiniteElements(grid, soil, QuasiStatic(2), terms, b_bar=True)
@@ -161,16 +201,27 @@ def test_a_patch_under_a_moved_plate_strains_evenly(dim, method):
     strain = np.zeros((1, tensors.components(dim)))
     strain[0, 1] = -settlement
     exact = np.repeat(soil.update(strain, np.zeros_like(strain)), len(stress), 0)
-    # between the two steps of points geometry changes by the settlement; in finite elements it does not
-    np.testing.assert_allclose(stress, exact, atol=(1e-9 if method == "FE" else 10 * settlement) * np.abs(exact).max())
+    # between the two steps of points geometry changes by the settlement; in finite elements it does
+    # not
+    np.testing.assert_allclose(
+        stress, exact, atol=(1e-9 if method == "FE" else 10 * settlement) * np.abs(exact).max()
+    )
 
 
 def test_the_twins_energy_is_balanced():
     grid, soil = dense.uneven(2), LinearElastic(young=20e6, poisson=0.49, density=1500.0)
-    run = FiniteElements(grid, soil, Newmark(1e-3), [
-        Fixed(grid.facets("bottom")), Gravity(lambda t: np.sin(300 * t) * np.array([1.0, 2.0])),
-        Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x), Viscous(grid.facets("right"), dense.SOFT),
-    ], b_bar=True)
+    run = FiniteElements(
+        grid,
+        soil,
+        Newmark(1e-3),
+        [
+            Fixed(grid.facets("bottom")),
+            Gravity(lambda t: np.sin(300 * t) * np.array([1.0, 2.0])),
+            Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x),
+            Viscous(grid.facets("right"), dense.SOFT),
+        ],
+        b_bar=True,
+    )
     energy = run.record(Energy())
     run.until(0.03)
     assert np.abs(energy.lost).max() < 1e-10 * np.abs(energy["work"]).max()
@@ -178,14 +229,21 @@ def test_the_twins_energy_is_balanced():
 
 
 def block_under_strip(method, ν, b_bar, n=16, m=12):
-    """Pressure (2 m, 2 n) of points in rows (of Gauss points by halves of cells in finite elements), and settlement;
-    symmetric half of an elastic block, strip on top."""
+    """Pressure (2 m, 2 n) of points in rows (of Gauss points by halves of cells in finite
+    elements), and settlement; symmetric half of an elastic block, strip on top."""
     h = 4.0 / n
-    grid = Grid.box((0, 0), (n * h, m * h), (n, m),
-                    facets={"strip": lambda x: (np.abs(x[1] - m * h) < 1e-9) & (x[0] < 1.25 + 1e-9)})
+    grid = Grid.box(
+        (0, 0),
+        (n * h, m * h),
+        (n, m),
+        facets={"strip": lambda x: (np.abs(x[1] - m * h) < 1e-9) & (x[0] < 1.25 + 1e-9)},
+    )
     soil = LinearElastic(young=1e7, poisson=ν, density=1e3)
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom")),
-             Traction(grid.facets("strip"), (0.0, -10.0))]
+    terms = [
+        Fixed(grid.facets("left", "right"), "x"),
+        Fixed(grid.facets("bottom")),
+        Traction(grid.facets("strip"), (0.0, -10.0)),
+    ]
     if method == "FE":
         run = FiniteElements(grid, soil, QuasiStatic(1), terms, b_bar=b_bar)
         run.step()
@@ -222,7 +280,8 @@ def refined():
 
 @pytest.mark.parametrize("method, fall", [("FE", 50), (DM, 50), (DM_G, 50), (DM_GC, 4)], ids=str)
 def test_the_checkerboard_of_pressures_vanishes(refined, method, fall):
-    """The composite patch of DM-GC sees little of it; the stiffness that it stands for is in all of them."""
+    """The composite patch of DM-GC sees little of it; the stiffness that it stands for is in all of
+    them."""
     exact, settlement = refined[0.499]
     locked, free = (block_under_strip(method, 0.499, b_bar) for b_bar in (False, True))
     assert fall * scatter(free[0] - exact) < scatter(locked[0] - exact)
@@ -241,12 +300,24 @@ def test_where_nothing_locks_little_changes(refined, method):
 
 def test_flow_of_points_is_that_of_finite_elements_in_the_first_step():
     """Full cells without history: the double-mapped law is the law, so is its cure."""
-    found, soil = [], VonMises(LinearElastic(young=1e7, poisson=0.499, density=1e3), 10.0, 10.0, 0.0)
-    grid = Grid.box((0, 0), (2, 1), (8, 4), facets={"strip": lambda x: (x[1] > 1 - 1e-9) & (x[0] < 0.5 + 1e-9)})
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom")),
-             Fixed(grid.facets("strip"), "y", lambda t: -4e-6 * t)]
-    for run in (FiniteElements(grid, soil, QuasiStatic(1), terms, b_bar=True),
-                Simulation(grid, MaterialPoints.fill(grid, soil, 4), QuasiStatic(1), terms, DM_G, b_bar=True)):
+    found, soil = (
+        [],
+        VonMises(LinearElastic(young=1e7, poisson=0.499, density=1e3), 10.0, 10.0, 0.0),
+    )
+    grid = Grid.box(
+        (0, 0), (2, 1), (8, 4), facets={"strip": lambda x: (x[1] > 1 - 1e-9) & (x[0] < 0.5 + 1e-9)}
+    )
+    terms = [
+        Fixed(grid.facets("left", "right"), "x"),
+        Fixed(grid.facets("bottom")),
+        Fixed(grid.facets("strip"), "y", lambda t: -4e-6 * t),
+    ]
+    for run in (
+        FiniteElements(grid, soil, QuasiStatic(1), terms, b_bar=True),
+        Simulation(
+            grid, MaterialPoints.fill(grid, soil, 4), QuasiStatic(1), terms, DM_G, b_bar=True
+        ),
+    ):
         run.step()
         assert run.equilibrium.solves > 1
         found.append(run.motion.u.x.array.copy())
@@ -257,7 +328,9 @@ def test_flow_of_points_is_that_of_finite_elements_in_the_first_step():
 def test_mappings_that_integrate_at_points_refuse_it_by_name(mapping):
     grid = dense.uneven(2)
     with pytest.raises(ValueError, match=rf"b_bar .*{mapping}\b"):
-        Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), QuasiStatic(1), [], mapping, b_bar=True)
+        Simulation(
+            grid, MaterialPoints.fill(grid, dense.SOIL, 4), QuasiStatic(1), [], mapping, b_bar=True
+        )
 
 
 def test_without_it_nothing_of_it_is_there():
@@ -274,11 +347,12 @@ def test_a_displacement_that_is_no_number_is_refused(value):
         FiniteElements(grid, dense.SOIL, QuasiStatic(1), oedometer(grid, value))
 
 
-# -- where it is in doubt -------------------------------------------------------------------------------------------
+# -- where it is in doubt --------------------------------------------------------------------------
 
 
 def heard(body, stepping, material=None):
-    """What is said when a run with B-bar is built, of points or, for a material, of finite elements."""
+    """What is said when a run with B-bar is built, of points or, for a material, of finite
+    elements."""
     grid = Grid.box((0.0, 0.0), (2.0, 2.0), (8, 8))
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
@@ -293,10 +367,13 @@ def heard(body, stepping, material=None):
 
 def block(shift=0.0, law=dense.SOIL, jitter=0.3):
     def make(grid):
-        body = MaterialPoints.fill(grid, law, 4, lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0), jitter=jitter)
+        body = MaterialPoints.fill(
+            grid, law, 4, lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0), jitter=jitter
+        )
         body.x += shift
         body.seat = body.seat if body.seat is None else body.seat + shift
         return body
+
     return make
 
 
@@ -316,7 +393,8 @@ FLOWS, SOFTENS = VonMises(dense.SOIL, 1e4, 1e4, 0.0), VonMises(dense.SOIL, 1e4, 
 
 
 def test_partly_filled_cells_in_dynamics_are_told():
-    """A block off the grid's lines by .15 h, which fills 3 × 3 of 5 × 5 cells, gains energy at rest."""
+    """A block off the grid's lines by .15 h, which fills 3 × 3 of 5 × 5 cells, gains energy at
+    rest."""
     (words,) = heard(block(0.15 * 0.25), Newmark(1e-3))
     assert words.startswith("b_bar in dynamics with 16 partly filled cells: motion grows")
     assert heard(block(0.15 * 0.25), QuasiStatic(2)) == heard(block(), Newmark(1e-3)) == []
@@ -324,7 +402,9 @@ def test_partly_filled_cells_in_dynamics_are_told():
 
 def test_softening_and_flow_that_changes_volume_are_told():
     (words,) = heard(block(law=SOFTENS, jitter=0.0), QuasiStatic(2))
-    assert words.startswith("b_bar with softening = 100000: where a side of the body lies on a grid line")
+    assert words.startswith(
+        "b_bar with softening = 100000: where a side of the body lies on a grid line"
+    )
     assert heard(block(law=FLOWS, jitter=0.0), QuasiStatic(2)) == []
     for body, material in ((block(law=Other(FLOWS), jitter=0.0), None), (None, Other(FLOWS))):
         (words,) = heard(body, QuasiStatic(2), material)

@@ -1,4 +1,5 @@
-"""The bars of the studies: what they start from, what they measure, and the orders at which they must converge."""
+"""The bars of the studies: what they start from, what they measure, and the orders at which they
+must converge."""
 
 import sys
 from dataclasses import replace
@@ -18,8 +19,11 @@ from mpm_fenicsx import DM_GC, GIMP, MPM
 def errors(name, mapping, cells):
     bar = BARS[name]
     cell, dt = 1 / cells, bar.period / (4 * cells)
-    run = manufactured.elements(bar, cell, dt) if mapping is None else \
-        manufactured.points(bar, mapping, cell, dt, 4, name == "random")
+    run = (
+        manufactured.elements(bar, cell, dt)
+        if mapping is None
+        else manufactured.points(bar, mapping, cell, dt, 4, name == "random")
+    )
     watch = Watch(run, bar)
     while run.steps < 4 * cells:
         run.step()
@@ -87,8 +91,15 @@ def test_crossing_cells_dm_gc_converges_and_mpm_does_not():
 
 
 def test_double_mapped_mass_and_constant_stress_are_what_costs_the_order():
-    rows = {way: [np.array(list(manufactured_causes.measure("moving", DM_GC, way, cells).values())[4:], float)
-                  for cells in (10, 20)] for way in manufactured_causes.WAYS}
+    rows = {
+        way: [
+            np.array(
+                list(manufactured_causes.measure("moving", DM_GC, way, cells).values())[4:], float
+            )
+            for cells in (10, 20)
+        ]
+        for way in manufactured_causes.WAYS
+    }
     order = {way: np.log2(coarse / fine)[2] for way, (coarse, fine) in rows.items()}
     stress = {way: fine[2] for way, (_, fine) in rows.items()}
     assert order["linear stress"] > 1.85

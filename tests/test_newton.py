@@ -1,4 +1,5 @@
-"""Newton's iteration: when it stops, what it does when it gets stuck, and how a step that fails is cut."""
+"""Newton's iteration: when it stops, what it does when it gets stuck, and how a step that fails is
+cut."""
 
 from types import SimpleNamespace
 
@@ -30,7 +31,8 @@ from mpm_fenicsx.grid import weak_forms
 
 
 class Scalar:
-    """R(u) = 0 in one unknown, with the names of ``Equilibrium``; ``evaluations`` of the law are counted."""
+    """R(u) = 0 in one unknown, with the names of ``Equilibrium``; ``evaluations`` of the law are
+    counted."""
 
     def __init__(self, residual, slope, start):
         self.residual, self.slope = residual, slope
@@ -100,13 +102,15 @@ def test_the_tolerance_is_relative_to_the_forces():
     assert loose.solves == 0
 
 
-@pytest.mark.parametrize("spoil", [lambda u: 0 * u + np.nan, lambda u: np.where(u == 1.0, u, np.nan)])
+@pytest.mark.parametrize(
+    "spoil", [lambda u: 0 * u + np.nan, lambda u: np.where(u == 1.0, u, np.nan)]
+)
 def test_what_is_not_a_number_has_not_converged(spoil):
     with pytest.raises(SolverError):
         Newton(iterations=4).iterate(Scalar(spoil, lambda u: 1 + 0 * u, 1.0), None)
 
 
-# -- in runs --------------------------------------------------------------------------------------------------------
+# -- in runs ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", [None, DM_GC], ids=["FE", "DM-GC"])
@@ -143,14 +147,18 @@ def test_the_scale_is_that_of_the_stress_and_not_of_what_elasticity_would_bear()
     grid = dense.uneven(2)
     run = FiniteElements(grid, LAW, QuasiStatic(25), [])
     for _ in range(25):
-        run.motion.u.x.array[:] = dense.at_nodes(grid, lambda x: 1e-3 * x[:, ::-1] * np.array([1.0, 0.0]))
+        run.motion.u.x.array[:] = dense.at_nodes(
+            grid, lambda x: 1e-3 * x[:, ::-1] * np.array([1.0, 0.0])
+        )
         run.carry()
     run.motion.clear()
     run.yielding.clear()
     shear = run.yielding.state[0, 3]
     assert shear < 0.04 * LAW.lame[1] * 25e-3
     τ = ufl.as_matrix([[0.0, shear], [shear, 0.0]])
-    exact = np.linalg.norm(dense.vector(grid.space, weak_forms.internal_work(τ, run.motion.w) * grid.dx))
+    exact = np.linalg.norm(
+        dense.vector(grid.space, weak_forms.internal_work(τ, run.motion.w) * grid.dx)
+    )
     assert run.equilibrium.scale(None) == pytest.approx(exact, rel=1e-9)
 
 
@@ -168,8 +176,12 @@ def test_without_a_tolerance_a_step_is_one_solve(kind):
 def test_a_step_that_fails_says_why_and_leaves_everything_as_it_was(kind):
     run = plastic.static(kind, steps=4, newton=Newton(iterations=2, cuts=0))
     probe, energy = run.record(Probe("displacement", (0.5, 0.9))), run.record(Energy())
-    message = (rf"^{run.name}, step (?P<step>\d), t = 0\.(25|5|75): Newton does not converge, relative residuals "
-               r"\d\.\de-\d\d, \d\.\de-\d\d; allowed 1\.0e-06; largest residual \d.* N at the node x=\[.*\]$")
+    message = (
+        rf"^{run.name}, step (?P<step>\d), t = 0\.(25|5|75): Newton does not converge, relative "
+        r"residuals "
+        r"\d\.\de-\d\d, \d\.\de-\d\d; allowed 1\.0e-06; largest residual \d.* N at the node "
+        r"x=\[.*\]$"
+    )
     kept = []
 
     def go_on():
@@ -193,19 +205,24 @@ def test_a_step_that_fails_says_why_and_leaves_everything_as_it_was(kind):
 def state(run):
     """What makes up the state of a run."""
     if run.bodies:
-        return [getattr(run.bodies[0], name) for name in ("x", "half", "volume", "stress", "history")]
+        return [
+            getattr(run.bodies[0], name) for name in ("x", "half", "volume", "stress", "history")
+        ]
     return [run.displacement.x.array, run.yielding.state, run.yielding.history]
 
 
-# -- cuts -----------------------------------------------------------------------------------------------------------
+# -- cuts ------------------------------------------------------------------------------------------
 
 
 def shaken(kind, dt, newton):
     """A dynamic scene with every kind of term."""
     grid = dense.uneven(2)
-    terms = [Fixed(grid.facets("bottom")), Gravity(lambda t: (0.0, -300 * t)),
-             Traction(grid.facets("top"), lambda t, x: t * 1e6 * np.array([1.0, -1.0]) * (1 + x[:, :1])),
-             Viscoelastic(grid.facets("right"), LAW, 2.0)]
+    terms = [
+        Fixed(grid.facets("bottom")),
+        Gravity(lambda t: (0.0, -300 * t)),
+        Traction(grid.facets("top"), lambda t, x: t * 1e6 * np.array([1.0, -1.0]) * (1 + x[:, :1])),
+        Viscoelastic(grid.facets("right"), LAW, 2.0),
+    ]
     return plastic.run_of(kind, grid, Newmark(dt), terms, newton=newton, solver=DIRECT)
 
 
@@ -242,7 +259,8 @@ def test_a_step_that_is_cut_is_two_half_steps(kind):
 
 
 def test_a_step_too_large_for_newton_is_cut_until_it_can_be_solved():
-    """Three solves do not do for the whole step; they do for parts of it, and those end where small steps end."""
+    """Three solves do not do for the whole step; they do for parts of it, and those end where small
+    steps end."""
     found = []
     for steps, newton in ((1, Newton(tolerance=1e-4, iterations=3)), (8, Newton(tolerance=1e-4))):
         run = plastic.static(None, steps=steps, newton=newton)
@@ -270,8 +288,14 @@ def test_a_step_is_halved_no_more_often_than_allowed(cuts):
 
 def test_an_elastic_scene_is_never_cut():
     grid = dense.uneven(2)
-    run = plastic.run_of(DM_GC, grid, QuasiStatic(1), plastic.loads(grid), law=dense.SOIL,
-                         solver={"ksp_type": "cg", "pc_type": "none", "ksp_max_it": 1})
+    run = plastic.run_of(
+        DM_GC,
+        grid,
+        QuasiStatic(1),
+        plastic.loads(grid),
+        law=dense.SOIL,
+        solver={"ksp_type": "cg", "pc_type": "none", "ksp_max_it": 1},
+    )
     tries = []
     solve = run.solve
     run.solve = lambda: (tries.append(1), solve())
@@ -280,16 +304,19 @@ def test_an_elastic_scene_is_never_cut():
     assert len(tries) == 1
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"tolerance": 0.0}, r"tolerance must be positive, got 0\.0"),
-    ({"tolerance": float("nan")}, "tolerance must be finite, got nan"),
-    ({"tolerance": "small"}, "tolerance must be a number, got 'small'"),
-    ({"iterations": 0}, "iterations must be a whole number of at least 1, got 0"),
-    ({"iterations": 2.5}, r"iterations must be a whole number of at least 1, got 2\.5"),
-    ({"halvings": -1}, "halvings must be a whole number of at least 0, got -1"),
-    ({"cuts": -2}, "cuts must be a whole number of at least 0, got -2"),
-    ({"cuts": None}, "cuts must be a number, got None"),
-])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"tolerance": 0.0}, r"tolerance must be positive, got 0\.0"),
+        ({"tolerance": float("nan")}, "tolerance must be finite, got nan"),
+        ({"tolerance": "small"}, "tolerance must be a number, got 'small'"),
+        ({"iterations": 0}, "iterations must be a whole number of at least 1, got 0"),
+        ({"iterations": 2.5}, r"iterations must be a whole number of at least 1, got 2\.5"),
+        ({"halvings": -1}, "halvings must be a whole number of at least 0, got -1"),
+        ({"cuts": -2}, "cuts must be a whole number of at least 0, got -2"),
+        ({"cuts": None}, "cuts must be a number, got None"),
+    ],
+)
 def test_refusals(change, message):
     with pytest.raises(ValueError, match=message):
         Newton(**change)

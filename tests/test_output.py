@@ -41,18 +41,29 @@ def box(dim):
 def mpm(dim=2, stepping=None, grid=None):
     """A block of strewn points at rest in the lower half of a box, about to fall."""
     grid = grid or box(dim)
-    points = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: x[1] < 1.0, jitter=0.3, seed=3)
+    points = MaterialPoints.fill(
+        grid, SOIL, 2**dim, inside=lambda x: x[1] < 1.0, jitter=0.3, seed=3
+    )
     rng = np.random.default_rng(8)
     points.stress = rng.normal(size=points.stress.shape) * 100.0
-    return Simulation(grid, points, stepping or Newmark(1e-3), [Fixed(grid.facets("bottom"), "y"), Gravity(DOWN[dim])])
+    return Simulation(
+        grid,
+        points,
+        stepping or Newmark(1e-3),
+        [Fixed(grid.facets("bottom"), "y"), Gravity(DOWN[dim])],
+    )
 
 
 def fe(dim=2, stepping=None, grid=None):
     """A box under its weight and a push on top."""
     grid = grid or box(dim)
     push = Traction(grid.facets("top"), lambda t: DOWN[dim])
-    return FiniteElements(grid, SOIL, stepping or Newmark(1e-3),
-                          [Fixed(grid.facets("bottom"), "y"), Gravity(DOWN[dim]), push])
+    return FiniteElements(
+        grid,
+        SOIL,
+        stepping or Newmark(1e-3),
+        [Fixed(grid.facets("bottom"), "y"), Gravity(DOWN[dim]), push],
+    )
 
 
 def collection(path):
@@ -87,8 +98,13 @@ def test_points_are_read_back_bit_for_bit(dim, tmp_path):
     assert np.array_equal(read.cells_dict["vertex"].ravel(), np.arange(len(body)))
     count = tensors.components(dim)
     assert data["stress"].shape == (len(body), 6) and data["velocity"].shape == (len(body), 3)
-    assert np.array_equal(data["stress"][:, :count], body.stress) and not data["stress"][:, count:].any()
-    assert np.array_equal(data["velocity"][:, :dim], body.velocity) and np.abs(body.velocity).max() > 0
+    assert (
+        np.array_equal(data["stress"][:, :count], body.stress)
+        and not data["stress"][:, count:].any()
+    )
+    assert (
+        np.array_equal(data["velocity"][:, :dim], body.velocity) and np.abs(body.velocity).max() > 0
+    )
     assert np.array_equal(data["half"][:, :dim], body.half)
     assert np.array_equal(data["mean_stress"], tensors.mean(body.stress))
     assert np.array_equal(data["von_mises"], tensors.von_mises(body.stress))
@@ -107,7 +123,9 @@ def test_grid_keeps_its_place_and_carries_the_end_of_the_step(dim, tmp_path):
     np.testing.assert_allclose(volume(read, dim), 0.5**dim, rtol=1e-12)
     assert len(read.cells_dict[CELL[dim]]) == 4 * 2 ** (dim - 1)
     motion = run.motion
-    assert np.array_equal(read.point_data["displacement_increment"][:, :dim], motion.nodal(motion.u))
+    assert np.array_equal(
+        read.point_data["displacement_increment"][:, :dim], motion.nodal(motion.u)
+    )
     assert np.array_equal(read.point_data["velocity"][:, :dim], motion.end()[0])
     assert np.abs(motion.end()[0]).max() > 0
 
@@ -116,9 +134,14 @@ def test_what_a_scene_has_not_is_not_written(tmp_path):
     run = mpm(stepping=QuasiStatic(2))
     run.record(Snapshots(tmp_path / "block"))
     assert "velocity" not in meshio.read(tmp_path / "block_points_000000.vtu").point_data
-    assert set(meshio.read(tmp_path / "block_grid_000000.vtu").point_data) == {"displacement_increment"}
+    assert set(meshio.read(tmp_path / "block_grid_000000.vtu").point_data) == {
+        "displacement_increment"
+    }
     fe().record(Snapshots(tmp_path / "twin"))
-    assert sorted(p.name for p in tmp_path.glob("twin*")) == ["twin_grid.pvd", "twin_grid_000000.vtu"]
+    assert sorted(p.name for p in tmp_path.glob("twin*")) == [
+        "twin_grid.pvd",
+        "twin_grid_000000.vtu",
+    ]
 
 
 def test_every_step_that_counts_has_its_time(tmp_path):
@@ -137,23 +160,34 @@ def test_attached_late_it_starts_there(tmp_path):
     run.step()
     run.record(Snapshots(tmp_path / "late", every=2))
     run.until(4e-3)
-    assert series(tmp_path / "late", "points") == ([1e-3, 2e-3, 4e-3], [f"late_points_00000{n}.vtu" for n in (1, 2, 4)])
+    assert series(tmp_path / "late", "points") == (
+        [1e-3, 2e-3, 4e-3],
+        [f"late_points_00000{n}.vtu" for n in (1, 2, 4)],
+    )
 
 
 def test_bodies_are_numbered_and_history_is_named(tmp_path):
     grid = box(2)
-    lower, upper = (MaterialPoints.fill(grid, SOIL, 4, inside=inside)
-                    for inside in (lambda x: x[1] < 1.0, lambda x: x[1] > 1.5))
+    lower, upper = (
+        MaterialPoints.fill(grid, SOIL, 4, inside=inside)
+        for inside in (lambda x: x[1] < 1.0, lambda x: x[1] > 1.5)
+    )
     n, m = len(lower), len(upper)
     lower.plastic = np.arange(n, dtype=float)
     lower.yielded = np.arange(n) % 2 == 0
     lower.history = np.empty((n, 0))
-    run = Simulation(grid, [lower, upper], QuasiStatic(1), [Fixed(grid.facets("bottom"), "y"),
-                                                           Fixed(grid.facets("left"), "x")])
+    run = Simulation(
+        grid,
+        [lower, upper],
+        QuasiStatic(1),
+        [Fixed(grid.facets("bottom"), "y"), Fixed(grid.facets("left"), "x")],
+    )
     run.record(Snapshots(tmp_path / "two"))
     data = meshio.read(tmp_path / "two_points_000000.vtu").point_data
     assert np.array_equal(data["body"], np.repeat([0, 1], [n, m]))
-    assert np.array_equal(data["plastic"][:n], lower.plastic) and np.isnan(data["plastic"][n:]).all()
+    assert (
+        np.array_equal(data["plastic"][:n], lower.plastic) and np.isnan(data["plastic"][n:]).all()
+    )
     assert np.array_equal(data["yielded"][:n], lower.yielded)
     assert "history" not in data
 
@@ -176,16 +210,21 @@ def test_finite_elements_show_total_displacement_velocity_and_stress(dim, tmp_pa
     read, motion = meshio.read(tmp_path / "twin_grid_000003.vtu"), run.motion
     assert np.array_equal(read.point_data["displacement"][:, :dim], motion.nodal(run.displacement))
     assert np.array_equal(read.point_data["velocity"][:, :dim], motion.nodal(motion.v))
-    assert np.array_equal(read.cell_data["stress"][0][:, :tensors.components(dim)],
-                          run.stress(np.arange(run.grid.owned_cells)))
+    assert np.array_equal(
+        read.cell_data["stress"][0][:, : tensors.components(dim)],
+        run.stress(np.arange(run.grid.owned_cells)),
+    )
     assert np.abs(read.cell_data["stress"][0]).max() > 0
 
 
 @pytest.mark.parametrize("dim", (2, 3))
 def test_stress_of_a_linear_displacement_is_exact_on_slanted_cells(dim, tmp_path):
-    """On mirrored cells that are no rectangles: u = G x has stress λ tr ε 1 + 2μ ε everywhere (round-off)."""
-    make, kind = {2: (dmesh.create_rectangle, dmesh.CellType.quadrilateral),
-                  3: (dmesh.create_box, dmesh.CellType.hexahedron)}[dim]
+    """On mirrored cells that are no rectangles: u = G x has stress λ tr ε 1 + 2μ ε everywhere
+    (round-off)."""
+    make, kind = {
+        2: (dmesh.create_rectangle, dmesh.CellType.quadrilateral),
+        3: (dmesh.create_box, dmesh.CellType.hexahedron),
+    }[dim]
     mesh = make(MPI.COMM_WORLD, [np.zeros(dim), np.ones(dim)], [3, 4, 2][:dim], kind)
     x, y = mesh.geometry.x[:, 0].copy(), mesh.geometry.x[:, 1].copy()
     mesh.geometry.x[:, 0] = -x - 0.2 * y * x - 0.1 * y
@@ -202,7 +241,9 @@ def test_stress_of_a_linear_displacement_is_exact_on_slanted_cells(dim, tmp_path
     σ[:dim, :dim] = μ * (gradient + gradient.T)
     σ += λ * np.trace(gradient) * np.eye(3)
     exact = σ[[0, 1, 2, 0, 1, 0], [0, 1, 2, 1, 2, 2]]
-    np.testing.assert_allclose(read.cell_data["stress"][0], np.tile(exact, (12 * (dim - 1), 1)), atol=1e-13 * 20e6)
+    np.testing.assert_allclose(
+        read.cell_data["stress"][0], np.tile(exact, (12 * (dim - 1), 1)), atol=1e-13 * 20e6
+    )
     assert (volume(read, dim) > 0).all()
 
 
@@ -308,7 +349,8 @@ def test_snapshots_serve_one_run(tmp_path):
 
 
 def record_both(folder):
-    """What the ranks do: a material point run and a finite element run, the last step unable to write."""
+    """What the ranks do: a material point run and a finite element run, the last step unable to
+    write."""
     for dim in (2, 3):
         for name, make in (("mpm", mpm), ("fe", fe)):
             grid = box(dim)
@@ -331,15 +373,22 @@ def no_space(*_, **__):
 def regular(grid):
     """Points at places that do not depend on the number of ranks."""
     points = MaterialPoints.fill(grid, SOIL, 2**grid.dim, inside=lambda x: x[1] < 1.0)
-    return Simulation(grid, points, Newmark(1e-3), [Fixed(grid.facets("bottom"), "y"), Gravity(DOWN[grid.dim])])
+    return Simulation(
+        grid, points, Newmark(1e-3), [Fixed(grid.facets("bottom"), "y"), Gravity(DOWN[grid.dim])]
+    )
 
 
 def on_ranks(count, folder):
     """Run this file on some ranks; each must see the error of the first."""
     if mpiexec() is None:
         pytest.skip("no mpiexec beside Python or on PATH")
-    done = subprocess.run([mpiexec(), "-n", str(count), sys.executable, __file__, str(folder)], env=environment(),
-                          capture_output=True, text=True, timeout=600)
+    done = subprocess.run(
+        [mpiexec(), "-n", str(count), sys.executable, __file__, str(folder)],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=600,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("refused") == count
 
@@ -349,13 +398,16 @@ def in_order(mesh):
     order = np.lexsort(np.round(mesh.points, 9).T)
     centre = mesh.points[mesh.cells[0].data].mean(axis=1)
     cells = np.lexsort(np.round(centre, 9).T)
-    return ({"x": mesh.points[order], "centre": centre[cells]}
-            | {name: value[order] for name, value in mesh.point_data.items()}
-            | {name: value[0][cells] for name, value in mesh.cell_data.items()})
+    return (
+        {"x": mesh.points[order], "centre": centre[cells]}
+        | {name: value[order] for name, value in mesh.point_data.items()}
+        | {name: value[0][cells] for name, value in mesh.cell_data.items()}
+    )
 
 
 def test_two_ranks_write_what_one_writes(tmp_path):
-    """The same points, nodes and cells, once each; values to 1e-9 of their largest, the solver stopping at 1e-11."""
+    """The same points, nodes and cells, once each; values to 1e-9 of their largest, the solver
+    stopping at 1e-11."""
     on_ranks(1, tmp_path / "one")
     on_ranks(2, tmp_path / "two")
     names = sorted(p.name for p in (tmp_path / "one").iterdir())
@@ -368,8 +420,13 @@ def test_two_ranks_write_what_one_writes(tmp_path):
         one, two = in_order(meshio.read(one)), in_order(meshio.read(two))
         assert set(one) == set(two)
         for key, value in one.items():
-            np.testing.assert_allclose(two[key], value, rtol=0, atol=1e-9 * max(np.abs(value).max(), 1e-300),
-                                       err_msg=f"{name} {key}")
+            np.testing.assert_allclose(
+                two[key],
+                value,
+                rtol=0,
+                atol=1e-9 * max(np.abs(value).max(), 1e-300),
+                err_msg=f"{name} {key}",
+            )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""The comparison with a peer: it says when there is none, speaks its protocol, and gives it the same scene."""
+"""The comparison with a peer: it says when there is none, speaks its protocol, and gives it the
+same scene."""
 
 import json
 import os
@@ -22,7 +23,8 @@ print(json.dumps({"version": "1", "points": len(scene["x"])}), file=answers, flu
 for order in sys.stdin:
     if int(order) > 3:
         sys.exit("too many")
-    answer = {"seconds": 0.5 * int(order), "iterations": 2 * int(order), "stress": [[-1.0, -3.0]] * int(order)}
+    n = int(order)
+    answer = {"seconds": 0.5 * n, "iterations": 2 * n, "stress": [[-1.0, -3.0]] * n}
     print(json.dumps(answer), file=answers, flush=True)
 """
 
@@ -38,7 +40,9 @@ def echo(tmp_path, monkeypatch):
 
 def test_a_peer_is_asked_and_answers(echo):
     assert echo.advance(3) + echo.advance(1) == 2.0
-    assert echo.pressure == pytest.approx(4 * [2.5]) and echo.iterations == 8 and echo.version == "1"
+    assert (
+        echo.pressure == pytest.approx(4 * [2.5]) and echo.iterations == 8 and echo.version == "1"
+    )
     echo.close()
     assert echo.process.returncode == 0
 
@@ -75,8 +79,14 @@ def test_without_kratos_ours_run_alone(tmp_path, monkeypatch, capsys):
     assert [row["over_dm_gc"] for row in rows[::3]] == [1.0, 1.0, 1.0]
 
 
-@pytest.mark.skipif("KRATOS_PYTHON" not in os.environ, reason="KRATOS_PYTHON names no Python with Kratos")
+@pytest.mark.skipif(
+    "KRATOS_PYTHON" not in os.environ, reason="KRATOS_PYTHON names no Python with Kratos"
+)
 def test_kratos_runs_the_column():
-    rows = {row["method"]: row for row in peers.of_column(os.environ["KRATOS_PYTHON"], 300.0, end=0.5)}
+    rows = {
+        row["method"]: row for row in peers.of_column(os.environ["KRATOS_PYTHON"], 300.0, end=0.5)
+    }
     for method in peers.PEERS:
-        assert rows[method]["error_pressure"] < 0.03  # small strain: linear shape functions are as good as any
+        assert (
+            rows[method]["error_pressure"] < 0.03
+        )  # small strain: linear shape functions are as good as any

@@ -25,22 +25,26 @@ def project(grid, integration, values, x, half=None):
 
 
 def matrix(grid, integrand, quadrature=AT_POINTS.quadrature):
-    """Dense Jacobian of ∫ integrand(u, w), nodes and directions kept apart (nodes, dim, nodes, dim)."""
+    """Dense Jacobian of ∫ integrand(u, w), nodes and directions kept apart (nodes, dim, nodes,
+    dim)."""
     u, w = ufl.TrialFunction(grid.space), ufl.TestFunction(grid.space)
-    form = dolfinx_versions.compile_form(integrand(u, w) * grid.dx(metadata={"quadrature_degree": quadrature}))
+    form = dolfinx_versions.compile_form(
+        integrand(u, w) * grid.dx(metadata={"quadrature_degree": quadrature})
+    )
     A = dolfinx_versions.create_matrix(form)
     dolfinx_versions.assemble_matrix(A, form, [])
     A.assemble()
     size = range(grid.nodes * grid.dim)
     return A.getValues(np.array(size, PETSc.IntType), np.array(size, PETSc.IntType)).reshape(
-        (grid.nodes, grid.dim) * 2)
+        (grid.nodes, grid.dim) * 2
+    )
 
 
 def near(computed, wanted, relative=1e-12):
     np.testing.assert_allclose(computed, wanted, rtol=0, atol=relative * np.abs(wanted).max())
 
 
-# -- sums at the points -----------------------------------------------------------------------------------------
+# -- sums at the points ----------------------------------------------------------------------------
 
 
 @pytest.fixture(params=[False, True], ids=["MPM", "GIMP"])
@@ -63,10 +67,18 @@ def test_stiffness_matrix_is_the_point_sum(grid, hats, strewn_points):
     x, half, q = strewn_points
     λ, μ = project(grid, AT_POINTS, q, x, half).fields[1:]
     dim = range(grid.dim)
-    with_λ, with_μ = (np.array([[hats.pairs(x, half, q[:, k], a, b) for b in dim] for a in dim]) for k in (1, 2))
+    with_λ, with_μ = (
+        np.array([[hats.pairs(x, half, q[:, k], a, b) for b in dim] for a in dim]) for k in (1, 2)
+    )
     wanted = np.einsum("abij->iajb", with_λ) + np.einsum("baij->iajb", with_μ)
     wanted += np.einsum("ccij,ab->iajb", with_μ, np.eye(grid.dim))
-    near(matrix(grid, lambda u, w: weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w)), wanted)
+    near(
+        matrix(
+            grid,
+            lambda u, w: weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w),
+        ),
+        wanted,
+    )
 
 
 def test_moments_up_to_quadratics_are_the_point_sums(grid, points):
@@ -87,7 +99,7 @@ def test_moments_up_to_quadratics_are_the_point_sums(grid, points):
     assert integral == pytest.approx((points.volume * at_points).sum(), rel=1e-12)
 
 
-# -- both -------------------------------------------------------------------------------------------------------
+# -- both ------------------------------------------------------------------------------------------
 
 
 def integrals(projection):
@@ -107,22 +119,30 @@ def test_nothing_is_lost(grid, hats, data):
     mass = np.random.default_rng(1).uniform(1, 2, (len(x), 2))
     for integration in (AT_POINTS, DOUBLE_MAPPED):
         for h in (None, half):
-            np.testing.assert_allclose(integrals(project(grid, integration, mass, x, h)), mass.sum(axis=0), rtol=1e-11)
+            np.testing.assert_allclose(
+                integrals(project(grid, integration, mass, x, h)), mass.sum(axis=0), rtol=1e-11
+            )
 
 
 @pytest.mark.parametrize("integration", [AT_POINTS, DOUBLE_MAPPED], ids=lambda i: i.name)
 def test_the_quadrature_named_is_exact(grid, points, integration):
     """Mass and stiffness with the degree of the integration equal those with nine."""
-    ρ, μ = project(grid, integration, points.volume[:, None] * np.array([1.0, 2.0]), points.x).fields
-    for integrand in (lambda u, w: weak_forms.inertia(ρ, u, w),
-                      lambda u, w: weak_forms.internal_work(weak_forms.hooke(μ, μ, weak_forms.strain(u)), w)):
+    ρ, μ = project(
+        grid, integration, points.volume[:, None] * np.array([1.0, 2.0]), points.x
+    ).fields
+    for integrand in (
+        lambda u, w: weak_forms.inertia(ρ, u, w),
+        lambda u, w: weak_forms.internal_work(weak_forms.hooke(μ, μ, weak_forms.strain(u)), w),
+    ):
         near(matrix(grid, integrand, integration.quadrature), matrix(grid, integrand, 9))
 
 
 def test_nothing_is_lost_at_an_inward_corner(l_shape, soil):
     points = MaterialPoints.fill(l_shape, soil, 9, jitter=0.45)
     for integration in (AT_POINTS, DOUBLE_MAPPED):
-        mass = integrals(project(l_shape, integration, points.mass[:, None], points.x, 3 * points.half))
+        mass = integrals(
+            project(l_shape, integration, points.mass[:, None], points.x, 3 * points.half)
+        )
         assert mass[0] == pytest.approx(soil.density * 3.0, rel=1e-12)
 
 
@@ -138,12 +158,12 @@ def test_bodies_add_up_and_clear_forgets(grid, points, integration):
     near(parts.fields[0].x.array, both.fields[0].x.array)
 
 
-# -- double mapping ---------------------------------------------------------------------------------------------
+# -- double mapping --------------------------------------------------------------------------------
 
 
 def tiles(grid, hats, reach=1.0, seed=0):
-    """Support domains without gap or overlap, of random widths that ignore the cells, up to a share of the first
-    direction; as centre, half and volume."""
+    """Support domains without gap or overlap, of random widths that ignore the cells, up to a share
+    of the first direction; as centre, half and volume."""
     rng, middle, half = np.random.default_rng(seed), [], []
     for d, line in enumerate(hats.lines):
         width = rng.uniform(0.5, 1.0, 200) * 0.45 * np.diff(line).min()
@@ -152,7 +172,9 @@ def tiles(grid, hats, reach=1.0, seed=0):
         cut = np.append(cut[cut < end - 1e-3], end)
         middle.append((cut[1:] + cut[:-1]) / 2)
         half.append(np.diff(cut) / 2)
-    x, half = (np.stack(np.meshgrid(*v, indexing="ij"), -1).reshape(-1, grid.dim) for v in (middle, half))
+    x, half = (
+        np.stack(np.meshgrid(*v, indexing="ij"), -1).reshape(-1, grid.dim) for v in (middle, half)
+    )
     return x, half, (2 * half).prod(axis=1)
 
 
@@ -166,12 +188,15 @@ def test_a_full_grid_has_the_materials_value_everywhere(grid, hats):
 def test_full_cells_of_evenly_filled_points_have_the_materials_value(grid, soil):
     points = MaterialPoints.fill(grid, soil, per_cell=3**grid.dim)
     for half in (None, points.half):
-        λ = project(grid, DOUBLE_MAPPED, points.volume[:, None] * soil.lame[0], points.x, half).fields[0]
+        λ = project(
+            grid, DOUBLE_MAPPED, points.volume[:, None] * soil.lame[0], points.x, half
+        ).fields[0]
         np.testing.assert_allclose(λ.x.array, soil.lame[0], rtol=1e-12)
 
 
 def test_a_partly_filled_cell_has_proportionally_less(grid, hats):
-    """The mean of the field over a cell is the material's value times the filled fraction of the cell."""
+    """The mean of the field over a cell is the material's value times the filled fraction of the
+    cell."""
     x, half, volume = tiles(grid, hats, reach=0.618)
     projection = project(grid, DOUBLE_MAPPED, 5.0 * volume[:, None], x, half)
     lattice, line = grid.lattice, hats.lines[0]
@@ -187,7 +212,8 @@ def test_a_partly_filled_cell_has_proportionally_less(grid, hats):
 
 
 def closed_form(lattice, x, half):
-    """Local weights S*_ip (cells, n, 2^dim) of the paper, [a, b] the part of the support domain in the cell."""
+    """Local weights S*_ip (cells, n, 2^dim) of the paper, [a, b] the part of the support domain in
+    the cell."""
     weights = np.ones((len(lattice.lower), len(x), 1))
     for d in range(x.shape[1]):
         x1, x2 = lattice.lower[:, d, None], lattice.upper[:, d, None]
@@ -202,8 +228,12 @@ def closed_form(lattice, x, half):
 
 @pytest.fixture
 def within(grid, points):
-    """Random points whose support domains lie within the grid, as x, half, volume-weighted value."""
-    keep = ((points.x - points.half >= grid.lower_corner) & (points.x + points.half <= grid.upper_corner)).all(axis=1)
+    """Random points whose support domains lie within the grid, as x, half, volume-weighted
+    value."""
+    keep = (
+        (points.x - points.half >= grid.lower_corner)
+        & (points.x + points.half <= grid.upper_corner)
+    ).all(axis=1)
     value = np.random.default_rng(9).uniform(1, 2, keep.sum())
     return points.x[keep], points.half[keep], points.volume[keep] * value
 
@@ -212,7 +242,11 @@ def test_double_mapping_is_equation_7(grid, within):
     """D_ci = Σ S*_ip W_p D_p / m_i with W_p = V_p/|J_c|, m_i = ∫ N_i over the reference cell."""
     x, half, value = within
     lattice = grid.lattice
-    wanted = np.einsum("cni,n->ci", closed_form(lattice, x, half), value) / lattice.volume[:, None] * 2**grid.dim
+    wanted = (
+        np.einsum("cni,n->ci", closed_form(lattice, x, half), value)
+        / lattice.volume[:, None]
+        * 2**grid.dim
+    )
     projection = project(grid, DOUBLE_MAPPED, value[:, None], x, half)
     near(projection.fields[0].x.array[projection.dofs], wanted)
 
@@ -230,7 +264,8 @@ def test_local_weights_sum_to_the_stencils(grid, within):
 
 
 def test_double_mapped_mass_lumps_to_the_deposited_mass(grid, hats, points):
-    """∫ ρ_h differs from the point sum, but cell by cell Σ_i D_ci m_i |c| is the mass that lies in the cell."""
+    """∫ ρ_h differs from the point sum, but cell by cell Σ_i D_ci m_i |c| is the mass that lies in
+    the cell."""
     projection = project(grid, DOUBLE_MAPPED, points.mass[:, None], points.x)
     in_cell = np.bincount(grid.find(points.x), points.mass, minlength=grid.cells)
     mean = projection.fields[0].x.array[projection.dofs].mean(axis=1)

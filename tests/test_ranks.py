@@ -19,12 +19,21 @@ def mpiexec() -> str | None:
 
 
 def environment() -> dict[str, str]:
-    """This one, without what MPI told this process about itself; Open MPI may run as root and share cores."""
-    kept = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_", "PRTE_"))}
+    """This one, without what MPI told this process about itself; Open MPI may run as root and share
+    cores."""
+    kept = {
+        k: v for k, v in os.environ.items() if not k.startswith(("OMPI_", "PMIX_", "PMI_", "PRTE_"))
+    }
     root = pathlib.Path(__file__).parent.parent
     path = os.pathsep.join([str(root), *filter(None, [os.environ.get("PYTHONPATH")])])
-    return {**kept, "PYTHONPATH": path, "OMP_NUM_THREADS": "1", "OMPI_ALLOW_RUN_AS_ROOT": "1",
-            "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1", "OMPI_MCA_rmaps_base_oversubscribe": "1"}
+    return {
+        **kept,
+        "PYTHONPATH": path,
+        "OMP_NUM_THREADS": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+    }
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +47,16 @@ def several(request, tmp_path_factory) -> dict:
     if program is None:
         pytest.skip("no mpiexec beside Python or on PATH")
     out = tmp_path_factory.mktemp("ranks") / "out.json"
-    command = [program, "-n", str(request.param), sys.executable, "-m", "mpi4py", ranks.__file__, str(out)]
+    command = [
+        program,
+        "-n",
+        str(request.param),
+        sys.executable,
+        "-m",
+        "mpi4py",
+        ranks.__file__,
+        str(out),
+    ]
     done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=900)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
     return json.loads(out.read_text())
@@ -57,7 +75,9 @@ def difference(several: dict, serial: dict) -> float:
 def test_points_that_do_not_move_give_the_same_numbers(several, serial, dim, mapping):
     case = f"still {dim}D {mapping}"
     for quantity, expected in serial[case].items():
-        tolerance = 1e-8 if quantity == "increment" else 1e-12  # the solver stops at 1e-11 of the residual
+        tolerance = (
+            1e-8 if quantity == "increment" else 1e-12
+        )  # the solver stops at 1e-11 of the residual
         assert difference(several[case][quantity], expected) < tolerance, quantity
 
 
@@ -75,24 +95,54 @@ def test_a_cut_body_comes_to_the_same_rest(several, serial, dim):
     assert several[case]["refused"] == serial[case]["refused"] == {"": [1.0]}
 
 
-@pytest.mark.parametrize("case", ["twin 2D", "twin 3D", "static twin 2D", "static twin 3D",
-                                  "static twin 2D B-bar", "static twin 3D B-bar"])
+@pytest.mark.parametrize(
+    "case",
+    [
+        "twin 2D",
+        "twin 3D",
+        "static twin 2D",
+        "static twin 3D",
+        "static twin 2D B-bar",
+        "static twin 3D B-bar",
+    ],
+)
 def test_the_finite_element_twin_is_the_same(several, serial, case):
     assert difference(several[case]["displacement"], serial[case]["displacement"]) < 1e-10
 
 
-@pytest.mark.parametrize("case", [f"{what} {dim}D{more}" for dim in (2, 3) for what, more in (
-    ("two bodies", " DM-GCL"), ("surfaces by hand", ""), ("jitter", ""))])
+@pytest.mark.parametrize(
+    "case",
+    [
+        f"{what} {dim}D{more}"
+        for dim in (2, 3)
+        for what, more in (("two bodies", " DM-GCL"), ("surfaces by hand", ""), ("jitter", ""))
+    ],
+)
 def test_sums_over_points_and_surfaces_do_not_depend_on_who_holds_them(several, serial, case):
     tolerance = 1e-15 if "jitter" in case else 1e-9
     for quantity, expected in serial[case].items():
         assert difference(several[case][quantity], expected) < tolerance, quantity
 
 
-@pytest.mark.parametrize("case", [
-    "Hencky, empty", "Hencky at points, empty", "Hencky in statics, empty", "von Mises, empty",
-    "von Mises at points, empty", "one cell", "two cells", "two cells in statics", "one cell in 3D",
-    "twin, one cell", "twin, one cell, Hencky", "twin, one cell, von Mises", "layers 2D", "layers 3D"])
+@pytest.mark.parametrize(
+    "case",
+    [
+        "Hencky, empty",
+        "Hencky at points, empty",
+        "Hencky in statics, empty",
+        "von Mises, empty",
+        "von Mises at points, empty",
+        "one cell",
+        "two cells",
+        "two cells in statics",
+        "one cell in 3D",
+        "twin, one cell",
+        "twin, one cell, Hencky",
+        "twin, one cell, von Mises",
+        "layers 2D",
+        "layers 3D",
+    ],
+)
 def test_a_rank_may_have_no_points_and_no_cells_and_layers_are_the_same(several, serial, case):
     for quantity, expected in serial[case].items():
         assert difference(several[case][quantity], expected) < 1e-9, quantity
@@ -103,6 +153,8 @@ def test_options_for_blocks_and_factors_reach_them(several, serial, what):
     assert several["options"][what][""] == serial["options"][what][""] == [1.0]
 
 
-@pytest.mark.parametrize("what", ["outside", "lost", "inverted", "surface outside", "size", "empty"])
+@pytest.mark.parametrize(
+    "what", ["outside", "lost", "inverted", "surface outside", "size", "empty"]
+)
 def test_what_goes_wrong_on_one_rank_stops_all(several, what):
     assert several["refusals"][what][""] == [1.0]

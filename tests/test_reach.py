@@ -1,4 +1,5 @@
-"""Loads, dashpots and supports that reach no material are refused; of those that reach it in part is told how much."""
+"""Loads, dashpots and supports that reach no material are refused; of those that reach it in part
+is told how much."""
 
 import subprocess
 import sys
@@ -38,8 +39,13 @@ def grid_of(dim):
 
 def column(grid, **keywords):
     """A body of a metre by a metre, with a metre of empty grid at its sides and above."""
-    return MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim,
-                               lambda x: (x[0] > 0.0) & (x[0] < 1.0) & (x[1] < 1.0), **keywords)
+    return MaterialPoints.fill(
+        grid,
+        dense.SOIL,
+        2**grid.dim,
+        lambda x: (x[0] > 0.0) & (x[0] < 1.0) & (x[1] < 1.0),
+        **keywords,
+    )
 
 
 def look(grid, terms, stepping=STEPPINGS["dynamic"], mapping=DM_GC, body=None):
@@ -48,7 +54,9 @@ def look(grid, terms, stepping=STEPPINGS["dynamic"], mapping=DM_GC, body=None):
     scene = dense.bare_scene(grid, stepping)
     for term in terms:
         term.bind(scene)
-    check_reach(scene, terms, [body], [grid.find(body.x)], [Stencil(grid, len(body), mapping.support)])
+    check_reach(
+        scene, terms, [body], [grid.find(body.x)], [Stencil(grid, len(body), mapping.support)]
+    )
 
 
 LOADS = {
@@ -71,22 +79,33 @@ def above(height, dim=2):
 @pytest.mark.parametrize("name", LOADS)
 def test_loads_and_dashpots_where_no_material_is_are_refused(dim, name):
     grid = grid_of(dim)
-    for on, where in ((grid.facets("left", "right"), "the facets left, right"),
-                      (above(1.6, dim), r"surface points, as at x=\[0\.5 1\.6")):
-        with pytest.raises(ValueError, match=f"on: {name} acts on {where}.*no material.*points.surface"):
+    for on, where in (
+        (grid.facets("left", "right"), "the facets left, right"),
+        (above(1.6, dim), r"surface points, as at x=\[0\.5 1\.6"),
+    ):
+        with pytest.raises(
+            ValueError, match=f"on: {name} acts on {where}.*no material.*points.surface"
+        ):
             look(grid, [LOADS[name](on)])
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("name", LOADS)
 def test_what_is_lost_of_an_area_is_told(dim, name):
-    """A surface point 0.1 m above the body, in an empty cell of 0.25 m: 0.4 of its weight is on nodes above.  Of the
-    facets below, the body's five nodes of thirteen bear 4 facets and two halves."""
+    """A surface point 0.1 m above the body, in an empty cell of 0.25 m: 0.4 of its weight is on
+    nodes above.  Of the facets below, the body's five nodes of thirteen bear 4 facets and two
+    halves."""
     grid = grid_of(dim)
-    with pytest.warns(UserWarning, match=rf"{name} acts on surface points, as at x=\[0\.5 1\.1.*60 % only, 1\.2 of 2 "):
+    with pytest.warns(
+        UserWarning,
+        match=rf"{name} acts on surface points, as at x=\[0\.5 1\.1.*60 % only, 1\.2 of 2 ",
+    ):
         look(grid, [LOADS[name](above(1.1, dim))])
     area, every = (1.25, "3 m") if dim == 2 else (0.625, "1.5 m²")
-    with pytest.warns(UserWarning, match=rf"{name} acts on the facets bottom.* bear 41\.7 % only, {area} of {every}:"):
+    with pytest.warns(
+        UserWarning,
+        match=rf"{name} acts on the facets bottom.* bear 41\.7 % only, {area} of {every}:",
+    ):
         look(grid, [LOADS[name](grid.facets("bottom"))])
 
 
@@ -98,19 +117,35 @@ def test_what_acts_on_the_bodys_own_surface_is_never_in_doubt(dim, mapping):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for shift, jitter in ((0.0, 0.0), (0.07, 0.0), (0.0, 0.4)):
-            body = MaterialPoints.fill(grid, dense.SOIL, 2**dim, jitter=jitter, inside=lambda x, s=shift: (
-                (x[0] > s) & (x[0] < 1.0 + s) & (x[1] < 1.0 - s)))
-            look(grid, [Viscous(body.surface("left", "top"), dense.SOIL)], mapping=mapping, body=body)
+            body = MaterialPoints.fill(
+                grid,
+                dense.SOIL,
+                2**dim,
+                jitter=jitter,
+                inside=lambda x, s=shift: (x[0] > s) & (x[0] < 1.0 + s) & (x[1] < 1.0 - s),
+            )
+            look(
+                grid, [Viscous(body.surface("left", "top"), dense.SOIL)], mapping=mapping, body=body
+            )
         whole = MaterialPoints.fill(grid, dense.SOIL, 2**dim)
-        look(grid, [load(grid.facets("left", "top")) for load in LOADS.values()], mapping=mapping, body=whole)
+        look(
+            grid,
+            [load(grid.facets("left", "top")) for load in LOADS.values()],
+            mapping=mapping,
+            body=whole,
+        )
 
 
 def test_in_finite_elements_all_of_the_grid_is_material():
     grid = grid_of(2)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        FiniteElements(grid, dense.SOIL, Newmark(1e-3), [Traction(grid.facets("left"), (0.0, -1.0)),
-                                                         Traction(above(1.6), (0.0, -1.0))])
+        FiniteElements(
+            grid,
+            dense.SOIL,
+            Newmark(1e-3),
+            [Traction(grid.facets("left"), (0.0, -1.0)), Traction(above(1.6), (0.0, -1.0))],
+        )
 
 
 @pytest.mark.parametrize("stepping", STEPPINGS)
@@ -118,12 +153,20 @@ def test_rollers_on_the_sides_of_a_grid_that_is_wider_than_the_body_are_heard(st
     grid = grid_of(2)
     rollers, stepping = Fixed(grid.facets("left", "right"), "x"), STEPPINGS[stepping]
     if stepping.dynamic:  # a body may come
-        with pytest.warns(UserWarning, match="Fixed acts on the facets left, right, where there is no material at "):
+        with pytest.warns(
+            UserWarning,
+            match="Fixed acts on the facets left, right, where there is no material at ",
+        ):
             look(grid, [rollers], stepping)
     else:
-        with pytest.raises(ValueError, match="on: Fixed acts on the facets left, right, where there is no material; "):
+        with pytest.raises(
+            ValueError,
+            match="on: Fixed acts on the facets left, right, where there is no material; ",
+        ):
             look(grid, [rollers], stepping)
-    with pytest.warns(UserWarning, match="Fixed acts on the facets left, where there is no material at the start"):
+    with pytest.warns(
+        UserWarning, match="Fixed acts on the facets left, where there is no material at the start"
+    ):
         look(grid, [Fixed(grid.facets("bottom", "left"))], stepping)
 
 
@@ -170,24 +213,35 @@ print("fine")
 def test_two_ranks_decide_together():
     if mpiexec() is None:
         pytest.skip("no mpiexec beside Python or on PATH")
-    done = subprocess.run([mpiexec(), "-n", "2", sys.executable, "-c", PROGRAM], cwd=__file__.rpartition("/")[0],
-                          env=environment(), capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [mpiexec(), "-n", "2", sys.executable, "-c", PROGRAM],
+        cwd=__file__.rpartition("/")[0],
+        env=environment(),
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0 and done.stdout.count("fine") == 2, done.stdout + done.stderr
 
 
-# -- cells that are full --------------------------------------------------------------------------------------------
+# -- cells that are full ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_partly_filled_cells_are_counted(dim):
-    """A square off the grid's lines by 0.15 h: of its five by five cells three by three are full."""
+    """A square off the grid's lines by 0.15 h: of its five by five cells three by three are
+    full."""
     grid = Grid.box((0.0,) * dim, (2.0,) * dim, (8,) * dim)
-    body = MaterialPoints.fill(grid, dense.SOIL, 2**dim, lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0), jitter=0.4)
+    body = MaterialPoints.fill(
+        grid, dense.SOIL, 2**dim, lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0), jitter=0.4
+    )
     assert partly_filled(grid, [body], [grid.find(body.x)]) == 0
     body.x += 0.15 * 0.25
     body.seat += 0.15 * 0.25
     assert partly_filled(grid, [body], [grid.find(body.x)]) == 5**dim - 3**dim
-    rest = MaterialPoints.fill(grid, dense.SOFT, 2**dim, lambda x: ~((x > 0.5) & (x < 1.5)).all(axis=0))
+    rest = MaterialPoints.fill(
+        grid, dense.SOFT, 2**dim, lambda x: ~((x > 0.5) & (x < 1.5)).all(axis=0)
+    )
     body.x -= 0.15 * 0.25
     body.seat -= 0.15 * 0.25
     assert partly_filled(grid, [body, rest], [grid.find(b.x) for b in (body, rest)]) == 0

@@ -20,7 +20,9 @@ def test_the_scene_prints_what_the_text_says():
 
 def test_the_apt_line_names_what_the_set_up_asks_for():
     script = Path(__file__).parents[1] / "scripts" / "setup.sh"
-    asked = subprocess.run(["sh", script, "apt-packages"], capture_output=True, text=True, check=True).stdout.split()
+    asked = subprocess.run(
+        ["sh", script, "apt-packages"], capture_output=True, text=True, check=True
+    ).stdout.split()
     assert len(asked) > 5
     for package in asked:
         assert package in README, package

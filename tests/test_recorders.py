@@ -1,4 +1,5 @@
-"""Probes that are exact for linear fields wherever they are put, and an energy balance that closes."""
+"""Probes that are exact for linear fields wherever they are put, and an energy balance that
+closes."""
 
 import dense
 import numpy as np
@@ -35,7 +36,7 @@ KINDS = pytest.mark.parametrize("kind", ["FE", "points"])
 FIELDS = pytest.mark.parametrize("field", ["displacement", "velocity", "acceleration", "stress"])
 
 
-# -- probes ---------------------------------------------------------------------------------------------------------
+# -- probes ----------------------------------------------------------------------------------------
 
 
 def linear(dim, size, rng):
@@ -45,7 +46,8 @@ def linear(dim, size, rng):
 
 
 def run_with(kind, dim, field, rng):
-    """A run whose field is linear in space, the function that changes it to be so, and its value at x."""
+    """A run whose field is linear in space, the function that changes it to be so, and its value at
+    x."""
     grid = dense.uneven(dim)
     size = tensors.components(dim) if field == "stress" else dim
     f = linear(dim, size, rng)
@@ -67,7 +69,9 @@ def run_with(kind, dim, field, rng):
     Q = Q + Q.transpose(0, 2, 1)
 
     def stress(at):
-        return dense.SOIL.update(tensors.strain(A + np.einsum("ijk,nk->nij", Q, at)), np.zeros((len(at), size)))
+        return dense.SOIL.update(
+            tensors.strain(A + np.einsum("ijk,nk->nij", Q, at)), np.zeros((len(at), size))
+        )
 
     def bend():
         run.motion.nodal(run.displacement)[:] = x @ A.T + 0.5 * np.einsum("ijk,nj,nk->ni", Q, x, x)
@@ -80,7 +84,14 @@ def places(run, rng):
     dim, low, high = run.grid.dim, run.grid.lower_corner, run.grid.upper_corner
     samples = run.sampler("stress")[0]
     near = [samples[3] + 10.0**-k * rng.normal(size=dim) for k in range(2, 14)]
-    return [*rng.uniform(low, high, (6, dim)), low, high, np.r_[high[0], low[1:]], samples[2], *near]
+    return [
+        *rng.uniform(low, high, (6, dim)),
+        low,
+        high,
+        np.r_[high[0], low[1:]],
+        samples[2],
+        *near,
+    ]
 
 
 @FIELDS
@@ -98,9 +109,13 @@ def test_probes_are_exact_for_linear_fields_at_any_place(kind, dim, field):
     for probe, value in zip(probes, expected, strict=True):
         probe(run)
         assert probe.values.shape == (2, expected.shape[1])
-        np.testing.assert_allclose(probe.values[1], value, rtol=0, atol=1e-8 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            probe.values[1], value, rtol=0, atol=1e-8 * np.abs(expected).max()
+        )
         start = 0.0 * value if field == "displacement" else value
-        np.testing.assert_allclose(probe.values[0], start, rtol=0, atol=1e-8 * np.abs(expected).max())
+        np.testing.assert_allclose(
+            probe.values[0], start, rtol=0, atol=1e-8 * np.abs(expected).max()
+        )
 
 
 @pytest.mark.parametrize("cells", [(1, 20), (5, 20), (20, 5), (1, 1)])
@@ -108,7 +123,9 @@ def test_probes_on_columns_and_flat_cells(cells):
     """Along what the samples span a linear field is exact; across it, a constant."""
     grid = Grid.box((0, 0), (10, 1), cells)
     run = FiniteElements(grid, dense.SOIL, QuasiStatic(1), [])
-    run.motion.nodal(run.displacement)[:] = dense.at_nodes(grid, lambda x: 1.0 + 2 * x).reshape(-1, 2)
+    run.motion.nodal(run.displacement)[:] = dense.at_nodes(grid, lambda x: 1.0 + 2 * x).reshape(
+        -1, 2
+    )
     for at in ((3.3, 0.5), (0.0, 0.0), (9.9, 0.013), (5.0, 1.0)):
         stress = run.record(Probe("stress", at)).values[0]
         np.testing.assert_allclose(stress, run.stress(np.array([0]))[0], rtol=1e-9, atol=1e-3)
@@ -123,7 +140,9 @@ def test_probes_on_columns_and_flat_cells(cells):
 @DIMS
 def test_stress_of_slanted_elements_has_a_place_too(dim, law):
     grid = dense.uneven(dim)
-    grid.mesh.geometry.x[:, 0] += 0.3 * grid.mesh.geometry.x[:, 1] + 0.1 * grid.mesh.geometry.x[:, 2] ** 2
+    grid.mesh.geometry.x[:, 0] += (
+        0.3 * grid.mesh.geometry.x[:, 1] + 0.1 * grid.mesh.geometry.x[:, 2] ** 2
+    )
     grid = Grid(grid.mesh)
     run = FiniteElements(grid, law, QuasiStatic(1), [])
     A = 1e-5 * np.random.default_rng(9).normal(size=(dim, dim))
@@ -139,7 +158,9 @@ def test_stress_of_slanted_elements_has_a_place_too(dim, law):
 def test_a_probe_follows_the_material():
     """A body in free flight takes its probe along, over several cells."""
     grid = Grid.box((0, 0), (4, 2), (8, 4))
-    body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.3, inside=lambda x: (x < 1).all(axis=0))
+    body = MaterialPoints.fill(
+        grid, dense.SOIL, 4, jitter=0.3, inside=lambda x: (x < 1).all(axis=0)
+    )
     body.velocity = np.tile([8.0, 1.0], (len(body), 1))
     body.stress[:, 0] = np.arange(len(body))
     run = Simulation(grid, body, Newmark(0.02), [], solver=DIRECT)
@@ -156,7 +177,9 @@ def test_what_a_probe_refuses(kind):
         grid = dense.uneven(2)
         return plastic.run_of(None if kind == "FE" else DM_GC, grid, stepping, [], law=dense.SOIL)
 
-    with pytest.raises(ValueError, match=r"field must be one of displacement, velocity, .*got 'strain'"):
+    with pytest.raises(
+        ValueError, match=r"field must be one of displacement, velocity, .*got 'strain'"
+    ):
         Probe("strain", (0.0, 0.0))
     for at in ((0.5, 0.5, 0.5), (0.5,), 0.5, (np.nan, 0.5), (np.inf, 0.0)):
         with pytest.raises(ValueError, match="at must be 2 finite coordinates, got"):
@@ -166,13 +189,18 @@ def test_what_a_probe_refuses(kind):
             make(QuasiStatic(2)).record(Probe(field, (0.5, 0.5)))
 
 
-# -- places outside -------------------------------------------------------------------------------------------------
+# -- places outside --------------------------------------------------------------------------------
 
 
 def block(grid, **keywords):
     """A square or cube [0.5, 1.5]^dim with a hole of half a metre in its middle."""
-    return MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim, lambda x: (
-        (x > 0.5) & (x < 1.5)).all(axis=0) & ~(np.abs(x - 1.0) < 0.25).all(axis=0), **keywords)
+    return MaterialPoints.fill(
+        grid,
+        dense.SOIL,
+        2**grid.dim,
+        lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0) & ~(np.abs(x - 1.0) < 0.25).all(axis=0),
+        **keywords,
+    )
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.45])
@@ -187,10 +215,26 @@ def test_a_probe_outside_the_body_is_refused_with_what_is_nearest(dim, jitter):
     for y in (0.5, 0.5 - 0.03, 1.5, 1.5 + 0.03):
         edge[1] = y
         run.record(Probe("stress", edge))
-    for inside in ((0.6,) * dim, (0.5,) * dim, (1.5,) * dim, (1.25,) * dim, (2.5,) * dim, (3.0,) * dim):
+    for inside in (
+        (0.6,) * dim,
+        (0.5,) * dim,
+        (1.5,) * dim,
+        (1.25,) * dim,
+        (2.5,) * dim,
+        (3.0,) * dim,
+    ):
         run.record(Probe("stress", inside))
-    for outside in ((1.0,) * dim, (2.0,) * dim, (0.1,) * dim, (1.2, 1.6, 1.2)[:dim], (1.2, 0.4, 1.2)[:dim]):
-        with pytest.raises(ValueError, match=r"^at must lie inside the body, got .* begins 0?\.?\d+.* m away, at x=\["):
+    for outside in (
+        (1.0,) * dim,
+        (2.0,) * dim,
+        (0.1,) * dim,
+        (1.2, 1.6, 1.2)[:dim],
+        (1.2, 0.4, 1.2)[:dim],
+    ):
+        with pytest.raises(
+            ValueError,
+            match=r"^at must lie inside the body, got .* begins 0?\.?\d+.* m away, at x=\[",
+        ):
             run.record(Probe("stress", outside))
 
 
@@ -234,15 +278,19 @@ def test_a_probe_outside_the_mesh_is_refused(dim, slant):
             run.record(Probe("displacement", at[:dim]))
 
 
-# -- energy ---------------------------------------------------------------------------------------------------------
+# -- energy ----------------------------------------------------------------------------------------
 
 
 def shaken(kind, dim, size=1.0, soil=dense.SOIL, springs=True):
-    """Traction and gravity from nothing, on a base that absorbs, with springs beside it on one side."""
+    """Traction and gravity from nothing, on a base that absorbs, with springs beside it on one
+    side."""
     grid = dense.uneven(dim)
-    terms = [Viscous(grid.facets("left"), soil), Fixed(grid.facets("bottom")),
-             Gravity(lambda t: size * np.sin(300 * t) * (np.arange(dim) + 1.0)),
-             Traction(grid.facets("top"), lambda t, x: size * 1e3 * np.sin(200 * t) * x)]
+    terms = [
+        Viscous(grid.facets("left"), soil),
+        Fixed(grid.facets("bottom")),
+        Gravity(lambda t: size * np.sin(300 * t) * (np.arange(dim) + 1.0)),
+        Traction(grid.facets("top"), lambda t, x: size * 1e3 * np.sin(200 * t) * x),
+    ]
     terms += [Viscoelastic(grid.facets("right"), soil, 2.0)] if springs else []
     return plastic.run_of(kind, grid, Newmark(1e-3), terms, law=soil, solver=DIRECT)
 
@@ -262,14 +310,20 @@ def test_the_balance_of_elastic_finite_elements_closes_to_rounding(dim):
 
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
 def test_the_balance_of_points_closes_to_a_share_at_small_strain(mapping):
-    """What the points hold is not what the grid held, nor is a recovered strain the grid's: it goes with the grid."""
+    """What the points hold is not what the grid held, nor is a recovered strain the grid's: it goes
+    with the grid."""
     soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
     lost = []
     for cells in (8, 16):
         grid = Grid.box((0, 0), (2, 2), (cells, cells))
         body = MaterialPoints.fill(grid, soil, 4)
-        pulse = Traction(grid.facets("top"), lambda t, x: -1e-1 * np.sin(20 * t) ** 2 * np.array([0.3, 1.0]) * x[:, :1])
-        run = Simulation(grid, body, Newmark(1e-3), [Viscous(grid.facets("bottom"), soil), pulse], mapping)
+        pulse = Traction(
+            grid.facets("top"),
+            lambda t, x: -1e-1 * np.sin(20 * t) ** 2 * np.array([0.3, 1.0]) * x[:, :1],
+        )
+        run = Simulation(
+            grid, body, Newmark(1e-3), [Viscous(grid.facets("bottom"), soil), pulse], mapping
+        )
         energy = run.record(Energy())
         run.until(0.06)
         assert energy["absorbed"][-1] > 0.05 * energy["work"][-1]
@@ -280,16 +334,21 @@ def test_the_balance_of_points_closes_to_a_share_at_small_strain(mapping):
 
 @pytest.mark.parametrize("kind", [None, GIMP, DM_GC], ids=["FE", "GIMP", "DM-GC"])
 def test_statics_balances_work_and_strain(kind):
-    """Loads that grow evenly do the mean of load and displacement: exact in small strain, elastic."""
+    """Loads that grow evenly do the mean of load and displacement: exact in small strain,
+    elastic."""
     grid = dense.uneven(2)
-    terms = [Fixed(grid.facets("bottom")), Gravity(lambda t: (0.0, -1e-3 * t)),
-             Traction(grid.facets("top"), lambda t, x: t * np.array([1.0, -1.0]) * x)]
+    terms = [
+        Fixed(grid.facets("bottom")),
+        Gravity(lambda t: (0.0, -1e-3 * t)),
+        Traction(grid.facets("top"), lambda t, x: t * np.array([1.0, -1.0]) * x),
+    ]
     run = plastic.run_of(kind, grid, QuasiStatic(4), terms, law=dense.SOIL)
     energy = run.record(Energy())
     run.until(1.0)
     assert energy["work"][-1] > 0.0
     assert (energy["kinetic"] == 0.0).all()
-    # nine cells: strain at the points holds 99.5 % of what the grid's would with GIMP, 97 % from composite patches
+    # nine cells: strain at the points holds 99.5 % of what the grid's would with GIMP, 97 % from
+    # composite patches
     tolerance = 1e-10 if kind is None else {"GIMP": 0.01, "DM-GC": 0.05}[str(kind)]
     assert np.abs(energy.lost).max() < tolerance * energy["work"][-1]
 
@@ -298,10 +357,19 @@ def test_statics_balances_work_and_strain(kind):
 def test_plastic_work_is_where_the_energy_goes(kind):
     law = VonMises(plastic.ELASTIC, peak=10e3, residual=6e3, softening=50e3)
     grid = Grid.box((0, 0), (3, 3), (12, 12))
-    pulse = Traction(grid.facets("top"), lambda t, x: np.array([0.15, -1.0]) * 32e3 * min(t / 0.1, 1.0)
-                     * np.sin(np.pi * x[:, :1] / 3))
-    run = plastic.run_of(kind, grid, Newmark(1e-3), [Fixed(grid.facets("bottom")), pulse,
-                                                     Viscous(grid.facets("left", "right"), law)], law=law)
+    pulse = Traction(
+        grid.facets("top"),
+        lambda t, x: (
+            np.array([0.15, -1.0]) * 32e3 * min(t / 0.1, 1.0) * np.sin(np.pi * x[:, :1] / 3)
+        ),
+    )
+    run = plastic.run_of(
+        kind,
+        grid,
+        Newmark(1e-3),
+        [Fixed(grid.facets("bottom")), pulse, Viscous(grid.facets("left", "right"), law)],
+        law=law,
+    )
     energy = run.record(Energy())
     run.until(0.15)
     total = energy["work"].max()
@@ -323,10 +391,14 @@ def test_a_recorder_attached_late_starts_there(kind):
         np.testing.assert_allclose(late[name], since, atol=1e-12 * np.abs(first[name]).max())
     for name in ("kinetic", "strain"):
         np.testing.assert_allclose(late[name], first[name][10:], rtol=1e-12)
-    np.testing.assert_allclose(late.lost, first.lost[10:] - first.lost[10], atol=1e-11 * first["work"].max())
+    np.testing.assert_allclose(
+        late.lost, first.lost[10:] - first.lost[10], atol=1e-11 * first["work"].max()
+    )
     np.testing.assert_allclose(late.left, late["kinetic"] + late["strain"])
     if kind is None:
-        np.testing.assert_allclose(v.values, u.values[10:] - u.values[10], atol=1e-12 * np.abs(u.values).max())
+        np.testing.assert_allclose(
+            v.values, u.values[10:] - u.values[10], atol=1e-12 * np.abs(u.values).max()
+        )
     np.testing.assert_array_equal(v.values[0], 0.0)
 
 
@@ -343,7 +415,9 @@ def test_names_of_energies():
 def test_what_a_scene_does_not_have_stays_zero_and_costs_nothing():
     grid = dense.uneven(2)
     run = FiniteElements(grid, dense.SOIL, Newmark(1e-3), [Fixed(grid.facets("bottom"))])
-    run.motion.nodal(run.motion.v)[:] = dense.at_nodes(grid, lambda x: x[:, 1:] * [1.0, 0.0]).reshape(-1, 2)
+    run.motion.nodal(run.motion.v)[:] = dense.at_nodes(
+        grid, lambda x: x[:, 1:] * [1.0, 0.0]
+    ).reshape(-1, 2)
     energy = run.record(Energy())
     run.until(0.005)
     assert energy._forms == {}
@@ -360,7 +434,9 @@ def test_what_was_recorded_before_an_error_is_kept():
         run.until(1.0)
     assert 2 < len(energy.times) == len(stress.times) == run.steps + 1 < 9
     assert np.isfinite(energy.values).all()
-    assert np.ptp(energy.lost[1:]) < 0.01 * energy["work"][-1]  # in the first step gravity comes from nowhere
+    assert (
+        np.ptp(energy.lost[1:]) < 0.01 * energy["work"][-1]
+    )  # in the first step gravity comes from nowhere
     q = tensors.von_mises(stress.values)
     assert (np.diff(q) > 0.0).all()
     assert q[-1] < 1.01 * np.sqrt(3) * LAW.peak

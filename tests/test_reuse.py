@@ -1,4 +1,5 @@
-"""Cells whose density and moduli have hardly changed are not assembled anew: bound, matrix, cost, refusals."""
+"""Cells whose density and moduli have hardly changed are not assembled anew: bound, matrix, cost,
+refusals."""
 
 import dense
 import numpy as np
@@ -26,16 +27,25 @@ from mpm_fenicsx.grid import dolfinx_versions
 from mpm_fenicsx.mapping.lagged_properties import at_quadrature
 from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED
 
-pytestmark = pytest.mark.skipif(not dolfinx_versions.FORMS_FOLLOW, reason="forms of DOLFINx 0.5 go over all cells")
+pytestmark = pytest.mark.skipif(
+    not dolfinx_versions.FORMS_FOLLOW, reason="forms of DOLFINx 0.5 go over all cells"
+)
 
 
 def slide(dim, mapping, reuse, speed=3.0, size=6, extra=(), b_bar=False):
-    """A block on dashpots, pressed from above, slides sideways and down by a tenth of a cell a step."""
+    """A block on dashpots, pressed from above, slides sideways and down by a tenth of a cell a
+    step."""
     low, high = np.array((-1.0, -2.0, 0.0))[:dim], np.array((size + 4.0, size + 1.0, 2.0))[:dim]
     grid = Grid.box(low, high, (high - low).astype(int))
-    body = MaterialPoints.fill(grid, SOFT, 2**dim, inside=lambda x: ((x[:2] > 0) & (x[:2] < size)).all(axis=0))
+    body = MaterialPoints.fill(
+        grid, SOFT, 2**dim, inside=lambda x: ((x[:2] > 0) & (x[:2] < size)).all(axis=0)
+    )
     body.velocity = np.tile((speed, -speed / 3, 0.0)[:dim], (len(body), 1))
-    terms = [Viscous(body.surface("bottom"), SOFT), Traction(body.surface("top"), (0.0, -2e4, 0.0)[:dim]), *extra]
+    terms = [
+        Viscous(body.surface("bottom"), SOFT),
+        Traction(body.surface("top"), (0.0, -2e4, 0.0)[:dim]),
+        *extra,
+    ]
     return Simulation(grid, body, Newmark(0.1 / 3.0), terms, mapping, reuse=reuse, b_bar=b_bar)
 
 
@@ -49,17 +59,26 @@ def matrix_of(run):
     return found, dense.dense(A)
 
 
-@pytest.mark.parametrize("dim, mapping, steps, b_bar", [
-    (2, DM_GC, 60, False), (2, DM_GC, 20, True), (2, GIMP, 40, False), (3, DM_GC, 15, False)], ids=str)
-def test_the_matrix_is_that_of_the_kept_fields_while_a_body_crosses_cells(dim, mapping, steps, b_bar):
-    """To round-off of what cells have held before they ran empty, entry by entry beside its diagonal."""
+@pytest.mark.parametrize(
+    "dim, mapping, steps, b_bar",
+    [(2, DM_GC, 60, False), (2, DM_GC, 20, True), (2, GIMP, 40, False), (3, DM_GC, 15, False)],
+    ids=str,
+)
+def test_the_matrix_is_that_of_the_kept_fields_while_a_body_crosses_cells(
+    dim, mapping, steps, b_bar
+):
+    """To round-off of what cells have held before they ran empty, entry by entry beside its
+    diagonal."""
     run = slide(dim, mapping, 3e-2, speed=1.0, size=12 if dim == 2 else 3, b_bar=b_bar)
     parts = anew = 0
     for _ in range(steps):
         run.step()
         found, wanted = matrix_of(run)
         used = ~(run.equilibrium.idle | run.equilibrium.ties.tied)
-        assert used.any() and (np.diag(wanted)[run.equilibrium.idle] <= 1e-20 * np.diag(wanted).max()).all()
+        assert (
+            used.any()
+            and (np.diag(wanted)[run.equilibrium.idle] <= 1e-20 * np.diag(wanted).max()).all()
+        )
         size = np.sqrt(np.diag(wanted)[used])
         difference = np.abs(found - wanted)[np.ix_(used, used)] / np.outer(size, size)
         assert difference.max() < 1e-6
@@ -68,8 +87,11 @@ def test_the_matrix_is_that_of_the_kept_fields_while_a_body_crosses_cells(dim, m
     assert parts > anew
 
 
-@pytest.mark.parametrize("dim, mapping, limit", [
-    (2, DM_GC, 1e-3), (2, DM_GC, 3e-2), (2, DM_G, 3e-2), (2, GIMP, 3e-2), (3, DM_GC, 3e-2)], ids=str)
+@pytest.mark.parametrize(
+    "dim, mapping, limit",
+    [(2, DM_GC, 1e-3), (2, DM_GC, 3e-2), (2, DM_G, 3e-2), (2, GIMP, 3e-2), (3, DM_GC, 3e-2)],
+    ids=str,
+)
 def test_the_kept_matrix_bounds_the_true_one(dim, mapping, limit):
     """(1 - limit) x·A'x <= x·Ax <= (1 + limit) x·A'x for all x."""
     size = 5 if dim == 2 else 3
@@ -82,13 +104,17 @@ def test_the_kept_matrix_bounds_the_true_one(dim, mapping, limit):
         true = slide(dim, mapping, 0.0, size=size)
         for name, value in true.bodies[0].state().items():
             value[...] = getattr(run.bodies[0], name)
-        for theirs, ours in zip(true.scene.patches.values(), run.scene.patches.values(), strict=True):
+        for theirs, ours in zip(
+            true.scene.patches.values(), run.scene.patches.values(), strict=True
+        ):
             for name, value in theirs.state().items():
                 value[...] = ours.state()[name]
         true.prepare(run.time, run.next_time)
         true.equilibrium.assemble_tangent()
         used = ~(run.equilibrium.idle | true.equilibrium.idle)
-        kept, exact_one = (dense.dense(r.equilibrium.matrix)[np.ix_(used, used)] for r in (run, true))
+        kept, exact_one = (
+            dense.dense(r.equilibrium.matrix)[np.ix_(used, used)] for r in (run, true)
+        )
         scale = 1.0 / np.sqrt(np.diag(exact_one))
         kept, exact_one = (scale[:, None] * A * scale for A in (kept, exact_one))
         ratio = scipy.linalg.eigh(exact_one, kept, eigvals_only=True)
@@ -102,7 +128,10 @@ def test_the_kept_matrix_bounds_the_true_one(dim, mapping, limit):
 def test_samples_are_values_at_gauss_points(dim, integration):
     """Those of x^α for every α that the space holds."""
     n, rng = integration.degree + 1, np.random.default_rng(3)
-    sample, gauss = at_quadrature(integration, dim), np.polynomial.legendre.leggauss((integration.quadrature + 1) // 2)
+    sample, gauss = (
+        at_quadrature(integration, dim),
+        np.polynomial.legendre.leggauss((integration.quadrature + 1) // 2),
+    )
     place, nodes = 0.5 * (1.0 + gauss[0]), np.linspace(0.0, 1.0, n)
     factor = rng.normal(size=(dim, n))
 
@@ -119,8 +148,13 @@ def test_a_pulse_in_a_column_differs_by_less_than_the_limit():
     for reuse in (0.0, 1e-3):
         grid = Grid.box((0, -1), (0.5, 11), (2, 48))
         body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[1] > 0) & (x[1] < 10))
-        terms = [Fixed(grid.facets("left", "right"), "x"), Viscous(body.surface("bottom"), SOIL),
-                 Traction(body.surface("top"), lambda t: (0.0, -300.0 * max(0.0, 1.0 - abs(t - 0.05) / 0.05)))]
+        terms = [
+            Fixed(grid.facets("left", "right"), "x"),
+            Viscous(body.surface("bottom"), SOIL),
+            Traction(
+                body.surface("top"), lambda t: (0.0, -300.0 * max(0.0, 1.0 - abs(t - 0.05) / 0.05))
+            ),
+        ]
         run = Simulation(grid, body, Newmark(1e-3), terms, reuse=reuse)
         run.until(0.15)
         found.append(body.stress[:, 1])
@@ -134,14 +168,22 @@ def test_a_body_at_rest_is_assembled_once():
     still = Simulation(run.grid, body, Newmark(1e-2), [Gravity((0.0, 0.0))], reuse=1e-3)
     for step in range(4):
         still.step()
-        assert len(still.equilibrium.update.cells) == (len(still.motion.region.cells) if step == 0 else 0)
+        assert len(still.equilibrium.update.cells) == (
+            len(still.motion.region.cells) if step == 0 else 0
+        )
 
 
 def test_a_run_that_does_not_name_it_does_not_pay_for_it():
     run = slide(2, DM_GC, 0.0)
     assert run.equilibrium.update is None
-    assert all(f is g for f, g in zip(run.properties.fields, [f for p in run.properties.projections for f in p.fields],
-                                      strict=True))
+    assert all(
+        f is g
+        for f, g in zip(
+            run.properties.fields,
+            [f for p in run.properties.projections for f in p.fields],
+            strict=True,
+        )
+    )
     assert not any(name.startswith("properties") for name in run.state())
 
 
@@ -172,4 +214,6 @@ def test_a_restart_goes_on_with_what_was_kept():
             r.step()
     for name in ("x", "velocity", "stress"):
         value = getattr(run.bodies[0], name)
-        np.testing.assert_allclose(getattr(again.bodies[0], name), value, rtol=0, atol=1e-8 * np.abs(value).max())
+        np.testing.assert_allclose(
+            getattr(again.bodies[0], name), value, rtol=0, atol=1e-8 * np.abs(value).max()
+        )

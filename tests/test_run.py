@@ -6,7 +6,17 @@ import dense
 import numpy as np
 import pytest
 
-from mpm_fenicsx import FiniteElements, Fixed, Gravity, Grid, MaterialPoints, Newmark, QuasiStatic, RunError, Simulation
+from mpm_fenicsx import (
+    FiniteElements,
+    Fixed,
+    Gravity,
+    Grid,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    RunError,
+    Simulation,
+)
 from mpm_fenicsx import Traction as Load
 
 
@@ -75,7 +85,9 @@ def test_a_point_that_turns_inside_out_stops_the_run_and_keeps_the_record():
     crush = Load(grid.facets("top"), lambda s: (0.0, -1e9 * (s > 0.25)))
     run = Simulation(grid, body, QuasiStatic(10), [*walls, crush])
     notes = run.record(Notes())
-    with pytest.raises(RunError, match=r"step 3, t = 0\.3: material point \d+ at x=.* turns inside out: det F = -"):
+    with pytest.raises(
+        RunError, match=r"step 3, t = 0\.3: material point \d+ at x=.* turns inside out: det F = -"
+    ):
         run.until(1.0)
     assert notes.times == pytest.approx([0.0, 0.1, 0.2])
 
@@ -125,7 +137,10 @@ def test_until_needs_a_time(t):
 @pytest.mark.parametrize(("dt", "t", "stop"), [(0.3, 1.0, 0.9), (0.1, 0.46, 0.5), (0.3, 0.1, 0.0)])
 def test_until_says_where_it_stops_if_it_is_no_whole_number_of_steps(dt, t, stop):
     run = make("FE", Newmark(dt))
-    with pytest.warns(UserWarning, match=rf"until\({t}\) stops at t = {stop:.6g}: .*no whole number of steps of {dt}"):
+    with pytest.warns(
+        UserWarning,
+        match=rf"until\({t}\) stops at t = {stop:.6g}: .*no whole number of steps of {dt}",
+    ):
         run.until(t)
     assert run.time == pytest.approx(stop)
 

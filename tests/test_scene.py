@@ -1,4 +1,5 @@
-"""What a scene holds: loads in every shape, one patch a surface, surface points that follow the grid."""
+"""What a scene holds: loads in every shape, one patch a surface, surface points that follow the
+grid."""
 
 import functools
 import gc
@@ -35,12 +36,15 @@ def grid():
     return dense.uneven(2)
 
 
-@pytest.mark.parametrize(("value", "placed", "expected"), [
-    ((1.0, -2.0), False, [1.0, -2.0]),
-    (lambda t: (t, -2.0), False, [0.5, -2.0]),
-    (lambda t, x: (t, -2.0), True, [0.5, -2.0]),
-    (lambda t, x: x + t, True, [[1.5, 2.5], [3.5, 4.5]]),
-])
+@pytest.mark.parametrize(
+    ("value", "placed", "expected"),
+    [
+        ((1.0, -2.0), False, [1.0, -2.0]),
+        (lambda t: (t, -2.0), False, [0.5, -2.0]),
+        (lambda t, x: (t, -2.0), True, [0.5, -2.0]),
+        (lambda t, x: x + t, True, [[1.5, 2.5], [3.5, 4.5]]),
+    ],
+)
 def test_a_load_is_numbers_or_a_function_of_time_or_of_time_and_place(value, placed, expected):
     function, found = as_load("value", value, 2)
     assert found is placed
@@ -88,7 +92,9 @@ FIELDS = {  # all of them (0, t + x)
     "default first": lambda t, s=1.0, x=None: np.stack((0 * x[:, 0], s * (t + x[:, 0])), 1),
     "place with a default": lambda t, x=None: np.stack((0 * x[:, 0], t + x[:, 0]), 1),
     "by name": lambda t, *, position: np.stack((0 * position[:, 0], t + position[:, 0]), 1),
-    "partial": functools.partial(lambda s, t, x: np.stack((0 * x[:, 0], s * (t + x[:, 0])), 1), 1.0),
+    "partial": functools.partial(
+        lambda s, t, x: np.stack((0 * x[:, 0], s * (t + x[:, 0])), 1), 1.0
+    ),
     "any number of arguments": lambda *a: np.stack((0 * a[1][:, 0], a[0] + a[1][:, 0]), 1),
 }
 
@@ -105,17 +111,24 @@ def test_whatever_can_be_called_with_a_time_is_a_load(name):
 def test_whatever_can_be_called_with_a_time_and_a_place_is_a_load(name):
     function, placed = as_load("value", FIELDS[name], 2)
     assert placed
-    np.testing.assert_allclose(function(0.5, np.array([[1.0, 2.0], [3.0, 4.0]])), [[0.0, 1.5], [0.0, 3.5]])
+    np.testing.assert_allclose(
+        function(0.5, np.array([[1.0, 2.0], [3.0, 4.0]])), [[0.0, 1.5], [0.0, 3.5]]
+    )
 
 
-@pytest.mark.parametrize("make", [lambda on, f: Traction(on, f), lambda on, f: DeadLoad(on, f),
-                                  lambda on, f: Gravity(f)], ids=["Traction", "DeadLoad", "Gravity"])
+@pytest.mark.parametrize(
+    "make",
+    [lambda on, f: Traction(on, f), lambda on, f: DeadLoad(on, f), lambda on, f: Gravity(f)],
+    ids=["Traction", "DeadLoad", "Gravity"],
+)
 def test_terms_do_not_give_a_default_the_place(grid, make):
     """Only what g = 2 is in it differs: the work of lambda t, g=2 is that of lambda t with 2."""
     found = []
     for function in (lambda t: (0.0, 2.0 * t), *RAMPS.values()):
         scene = dense.bare_scene(grid, Newmark(0.5))
-        work = make(MaterialPoints.fill(grid, dense.SOIL, 4).surface("top"), function).bind(scene).work
+        work = (
+            make(MaterialPoints.fill(grid, dense.SOIL, 4).surface("top"), function).bind(scene).work
+        )
         scene.prepare(0.0, 0.5)
         found.append(dense.vector(grid.space, work))
     assert np.abs(found[0]).max() > 0.0
@@ -123,26 +136,44 @@ def test_terms_do_not_give_a_default_the_place(grid, make):
         np.testing.assert_allclose(vector, found[0], atol=1e-14)
 
 
-@pytest.mark.parametrize("value", [lambda t, s=2.0: s * t, CubicSpline(TIMES, 2 * TIMES), interp1d(TIMES, 2 * TIMES),
-                                   functools.partial(np.interp, xp=TIMES, fp=2 * TIMES), np.vectorize(lambda t: 2 * t),
-                                   lambda t: np.array([2 * t]), np.poly1d([2.0, 0.0])])
+@pytest.mark.parametrize(
+    "value",
+    [
+        lambda t, s=2.0: s * t,
+        CubicSpline(TIMES, 2 * TIMES),
+        interp1d(TIMES, 2 * TIMES),
+        functools.partial(np.interp, xp=TIMES, fp=2 * TIMES),
+        np.vectorize(lambda t: 2 * t),
+        lambda t: np.array([2 * t]),
+        np.poly1d([2.0, 0.0]),
+    ],
+)
 def test_supports_move_by_whatever_can_be_called_with_a_time(grid, value):
     scene = dense.bare_scene(grid, QuasiStatic(2))
     Fixed(grid.facets("top"), "y", value).bind(scene)
     scene.prepare(0.0, 0.5)
-    known, = scene.motion.moved
+    (known,) = scene.motion.moved
     assert known.increment == pytest.approx(1.0, rel=1e-12)
 
 
-@pytest.mark.parametrize(("value", "words"), [
-    (lambda: (0.0, 1.0), r"which says at t=0: .*positional argument"),
-    (lambda t, x, s: (0.0, s), "which says at t=0: .*missing 1 required positional argument: 's'"),
-    (lambda x, t: x, "take time before place"),
-    (lambda t: None, "got None at t=0"),
-    (lambda t: {}["key"], "which says at t=0: KeyError: 'key'"),
-    (interp1d(TIMES + 1, np.stack((TIMES, TIMES))), "which says at t=0: .*below the interpolation range"),
-    (lambda t, x: np.full(x.shape, np.nan), "nan"),
-])
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        (lambda: (0.0, 1.0), r"which says at t=0: .*positional argument"),
+        (
+            lambda t, x, s: (0.0, s),
+            "which says at t=0: .*missing 1 required positional argument: 's'",
+        ),
+        (lambda x, t: x, "take time before place"),
+        (lambda t: None, "got None at t=0"),
+        (lambda t: {}["key"], "which says at t=0: KeyError: 'key'"),
+        (
+            interp1d(TIMES + 1, np.stack((TIMES, TIMES))),
+            "which says at t=0: .*below the interpolation range",
+        ),
+        (lambda t, x: np.full(x.shape, np.nan), "nan"),
+    ],
+)
 def test_what_is_no_load_is_refused_with_its_own_words(value, words):
     with pytest.raises(ValueError, match=rf"(?s)^value must .*{words}"):
         as_load("value", value, 2)
@@ -150,8 +181,12 @@ def test_what_is_no_load_is_refused_with_its_own_words(value, words):
 
 def test_a_load_that_is_not_a_number_everywhere_is_heard_where_it_is_asked_for():
     """Towards a centre: nothing is wrong with it while no point is there."""
-    load, _ = as_load("value", lambda t, x: -x / np.linalg.norm(x, axis=1)[:, None] ** 3, 2,
-                      np.array([[0.0, 0.0], [1.0, 0.0]]))
+    load, _ = as_load(
+        "value",
+        lambda t, x: -x / np.linalg.norm(x, axis=1)[:, None] ** 3,
+        2,
+        np.array([[0.0, 0.0], [1.0, 0.0]]),
+    )
     np.testing.assert_array_equal(load(0.0, np.array([[2.0, 0.0]])), [[-0.25, 0.0]])
     with np.errstate(all="ignore"):
         load(0.0, np.zeros((1, 2)))
@@ -160,9 +195,14 @@ def test_a_load_that_is_not_a_number_everywhere_is_heard_where_it_is_asked_for()
 
 @pytest.mark.parametrize("late", [None, (1.0, 2.0, 3.0), "soon"])
 def test_a_load_that_turns_into_something_else_stops_the_run_with_a_sentence(grid, late):
-    run = FiniteElements(grid, dense.SOIL, Newmark(0.1), [Gravity(lambda t: late if t > 0.15 else (0.0, 1.0))])
+    run = FiniteElements(
+        grid, dense.SOIL, Newmark(0.1), [Gravity(lambda t: late if t > 0.15 else (0.0, 1.0))]
+    )
     run.step()
-    with pytest.raises(RunError, match=r"step 2, t = 0\.2: g of Gravity must give 2 finite numbers, got .*at t = 0\.2"):
+    with pytest.raises(
+        RunError,
+        match=r"step 2, t = 0\.2: g of Gravity must give 2 finite numbers, got .*at t = 0\.2",
+    ):
         run.step()
 
 
@@ -213,12 +253,17 @@ def test_a_surface_point_on_a_cell_edge_belongs_to_the_cell_inside(grid):
         assert (centre[1] < at) == (up > 0)
 
 
-# -- a scene pays only for what it names ----------------------------------------------------------------------------
+# -- a scene pays only for what it names -----------------------------------------------------------
 
 
 def test_a_static_scene_has_no_velocities(grid):
     body = MaterialPoints.fill(grid, dense.SOIL, 4)
-    run = Simulation(grid, body, QuasiStatic(2), [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), (0, -1))])
+    run = Simulation(
+        grid,
+        body,
+        QuasiStatic(2),
+        [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), (0, -1))],
+    )
     run.step()
     assert body.velocity is None
     assert body.acceleration is None
@@ -230,11 +275,18 @@ def test_a_static_scene_has_no_velocities(grid):
 
 def test_only_springs_make_surfaces_remember(grid):
     body = MaterialPoints.fill(grid, dense.SOIL, 4)
-    for make, remembers in ((lambda on: Viscous(on, dense.SOFT), False),
-                            (lambda on: Traction(on, (0.0, -1.0)), False),
-                            (lambda on: Viscoelastic(on, dense.SOFT, 2.0), True)):
+    for make, remembers in (
+        (lambda on: Viscous(on, dense.SOFT), False),
+        (lambda on: Traction(on, (0.0, -1.0)), False),
+        (lambda on: Viscoelastic(on, dense.SOFT, 2.0), True),
+    ):
         points, facets = body.surface("bottom"), grid.facets("bottom")
-        run = Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [make(points), make(facets)])
+        run = Simulation(
+            grid,
+            MaterialPoints.fill(grid, dense.SOIL, 4),
+            Newmark(1e-3),
+            [make(points), make(facets)],
+        )
         assert (points.displacement is not None) is remembers
         on_facets = run.scene.patch(facets)
         assert bool(on_facets.state()) is remembers
@@ -257,19 +309,28 @@ def test_a_scene_without_terms_has_nothing_to_prepare(grid):
 
 
 def test_the_tangent_has_no_dashpots_without_a_dashpot(grid):
-    forms = [len(Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), terms)
-                 .contributions) for terms in ([], [Viscous(grid.facets("bottom"), dense.SOFT)])]
+    forms = [
+        len(
+            Simulation(
+                grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), terms
+            ).contributions
+        )
+        for terms in ([], [Viscous(grid.facets("bottom"), dense.SOFT)])
+    ]
     assert forms == [2, 3]
 
 
 def test_a_load_outlives_the_form_it_was_made_for(grid):
-    """A patch goes on writing the load of a term whose form is gone, so it must hold what it writes to."""
+    """A patch goes on writing the load of a term whose form is gone, so it must hold what it writes
+    to."""
     scene = dense.bare_scene(grid, Newmark(0.01))
     loads = []
     for value in ((1.0, 2.0), lambda t, x: x):
         work = Traction(grid.facets("top"), value).bind(scene).work
         mine = [f for f in (*work.coefficients(), *work.constants()) if f not in (scene.motion.u,)]
-        loads += [weakref.ref(f) for f in mine if hasattr(f, "value") or f.function_space != grid.space]
+        loads += [
+            weakref.ref(f) for f in mine if hasattr(f, "value") or f.function_space != grid.space
+        ]
         del work, mine
     gc.collect()
     assert len(loads) == 2

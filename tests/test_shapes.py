@@ -1,4 +1,5 @@
-"""Weights of points: partition of unity, linear completeness, gradients, and means over support domains."""
+"""Weights of points: partition of unity, linear completeness, gradients, and means over support
+domains."""
 
 import numpy as np
 import pytest
@@ -18,8 +19,11 @@ def placed(grid, x, half=None):
 
 @st.composite
 def strewn(draw, hats):
-    """Points anywhere, on lines, corners and the grid's edge too, with support domains of any size."""
-    coordinates = [st.one_of(st.sampled_from(list(line)), st.floats(line[0], line[-1])) for line in hats.lines]
+    """Points anywhere, on lines, corners and the grid's edge too, with support domains of any
+    size."""
+    coordinates = [
+        st.one_of(st.sampled_from(list(line)), st.floats(line[0], line[-1])) for line in hats.lines
+    ]
     x = np.array(draw(st.lists(st.tuples(*coordinates), min_size=1, max_size=6)))
     sizes = st.tuples(*[st.floats(1e-3, 2.0)] * len(hats.lines))
     half = np.array(draw(st.lists(sizes, min_size=len(x), max_size=len(x))))
@@ -49,11 +53,16 @@ def test_weights_are_means_of_the_hats_over_the_support_domain(grid, hats, data)
         weights, gradients = dense(placed(grid, x, h))
         np.testing.assert_allclose(weights, hats.mean(x, h), rtol=0, atol=1e-12)
         for d in range(grid.dim):
-            np.testing.assert_allclose(gradients[:, :, d], hats.mean(x, h, along=d), rtol=0, atol=1e-10)
+            np.testing.assert_allclose(
+                gradients[:, :, d], hats.mean(x, h, along=d), rtol=0, atol=1e-10
+            )
 
 
 def test_random_points_reproduce_their_place(grid, points, hats):
-    inside = ((points.x - points.half >= grid.lower_corner) & (points.x + points.half <= grid.upper_corner)).all(axis=1)
+    inside = (
+        (points.x - points.half >= grid.lower_corner)
+        & (points.x + points.half <= grid.upper_corner)
+    ).all(axis=1)
     assert 10 < inside.sum() < len(points)  # both kinds are there
     place = placed(grid, points.x, points.half).at_points(hats.node)
     np.testing.assert_allclose(place[inside], points.x[inside], rtol=0, atol=1e-13)
@@ -61,14 +70,19 @@ def test_random_points_reproduce_their_place(grid, points, hats):
 
 @pytest.mark.parametrize("support", [False, True])
 def test_gradients_are_the_slopes_of_the_values(grid, points, support):
-    """Central differences; where the grid's end cuts the domain its mean moves otherwise, so not there."""
-    inside = ((points.x - points.half > grid.lower_corner) & (points.x + points.half < grid.upper_corner)).all(axis=1)
+    """Central differences; where the grid's end cuts the domain its mean moves otherwise, so not
+    there."""
+    inside = (
+        (points.x - points.half > grid.lower_corner) & (points.x + points.half < grid.upper_corner)
+    ).all(axis=1)
     x, half = points.x[inside], points.half[inside] if support else None
     gradients = dense(placed(grid, x, half))[1]
     step = 1e-6
     for d in range(grid.dim):
         move = step * np.eye(grid.dim)[d]
-        slope = (dense(placed(grid, x + move, half))[0] - dense(placed(grid, x - move, half))[0]) / (2 * step)
+        slope = (
+            dense(placed(grid, x + move, half))[0] - dense(placed(grid, x - move, half))[0]
+        ) / (2 * step)
         np.testing.assert_allclose(gradients[:, :, d], slope, rtol=0, atol=1e-4)
 
 
@@ -99,11 +113,14 @@ def test_a_stencil_placed_again_forgets_the_first_place(grid, points):
     back = points.x[::-1].copy()
     stencil.place(back, points.half[::-1].copy(), grid.find(back))
     fresh = placed(grid, back, points.half[::-1].copy())
-    assert np.array_equal(stencil.values, fresh.values) and np.array_equal(stencil.nodes, fresh.nodes)
+    assert np.array_equal(stencil.values, fresh.values) and np.array_equal(
+        stencil.nodes, fresh.nodes
+    )
 
 
 def test_an_inward_corner_gets_no_weight_from_nowhere(l_shape):
-    """A support domain that reaches over the corner, where there is no cell, stays linearly complete."""
+    """A support domain that reaches over the corner, where there is no cell, stays linearly
+    complete."""
     node = l_shape.space.tabulate_dof_coordinates()[:, :2]
     corner = np.array([1.0, 0.5])
     x = corner + np.random.default_rng(2).uniform(-0.2, 0.2, (200, 2))
@@ -117,16 +134,21 @@ def test_an_inward_corner_gets_no_weight_from_nowhere(l_shape):
     assert (np.abs(stencil.at_points(node) - x) < 0.25).all()
 
 
-@pytest.mark.parametrize(("stretch", "tile"), [(1.5, True), (2.0, True), (2.5, False), (3.0, False)])
+@pytest.mark.parametrize(
+    ("stretch", "tile"), [(1.5, True), (2.0, True), (2.5, False), (3.0, False)]
+)
 def test_support_domains_tile_a_stretched_body_until_they_are_a_cell_wide(soil, stretch, tile):
-    """Σ_p V_p σ ∇S_ip = 0 inside, for uniform σ.  Wider domains end at a cell's width and leave gaps: a limit of
-    points, four to a cell, where a body stretches to more than twice its length."""
+    """Σ_p V_p σ ∇S_ip = 0 inside, for uniform σ.  Wider domains end at a cell's width and leave
+    gaps: a limit of points, four to a cell, where a body stretches to more than twice its
+    length."""
     grid = Grid.box((-1, -1), (9, 3), (40, 16))
     body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: ((x > 0) & (x < 2)).all(axis=0))
     body.x *= [stretch, 1 / stretch]
     body.half *= [stretch, 1 / stretch]
     stencil, force = placed(grid, body.x, body.half), np.zeros((grid.nodes, 2))
-    stencil.deposit_divergence(np.tile(np.eye(2), (len(body), 1, 1)) * body.volume[:, None, None], force)
+    stencil.deposit_divergence(
+        np.tile(np.eye(2), (len(body), 1, 1)) * body.volume[:, None, None], force
+    )
     node = grid.space.tabulate_dof_coordinates()
     inside = (node[:, 0] > 0.5) & (node[:, 0] < 2 * stretch - 0.5)
     assert (np.abs(force[inside, 0]).max() < 1e-13) == tile

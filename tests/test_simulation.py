@@ -1,4 +1,5 @@
-"""Material point runs: rigid motions, momentum, free fall, patch tests, and what a step may cost."""
+"""Material point runs: rigid motions, momentum, free fall, patch tests, and what a step may
+cost."""
 
 import dense
 import numpy as np
@@ -37,12 +38,18 @@ CONTIGUOUS = (GIMP, DM_G, DM_GC)
 
 def block(grid, upper=1.5, **keywords):
     """Randomly placed points that touch no side of the grid."""
-    return MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim, inside=lambda x: ((x > 0.5) & (x < upper)).all(axis=0),
-                               **keywords)
+    return MaterialPoints.fill(
+        grid,
+        dense.SOIL,
+        2**grid.dim,
+        inside=lambda x: ((x > 0.5) & (x < upper)).all(axis=0),
+        **keywords,
+    )
 
 
 def jitter(mapping, dim):
-    """Even points where random ones leave the matrix singular: CMPM's everywhere, plain MPM's in 3D."""
+    """Even points where random ones leave the matrix singular: CMPM's everywhere, plain MPM's in
+    3D."""
     return 0.0 if mapping is CMPM or (mapping is MPM and dim == 3) else 0.4
 
 
@@ -50,7 +57,7 @@ def wide(dim):
     return Grid.box((0,) * dim, (4,) * dim, (8,) * dim)
 
 
-# -- motions without strain -----------------------------------------------------------------------------------------
+# -- motions without strain ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
@@ -75,9 +82,17 @@ def test_a_translation_across_cells_leaves_no_stress_and_all_momentum(dim, mappi
 @pytest.mark.parametrize("dim", [2, 3])
 def test_free_fall_is_exact(dim, mapping):
     grid, g, dt, steps = wide(dim), np.array([9.0, 5.0, 2.0])[:dim], 0.05, 8
-    bodies = [block(grid, jitter=jitter(mapping, dim)),
-              MaterialPoints.fill(grid, dense.SOFT, 2**dim, seed=3, jitter=jitter(mapping, dim),
-                                  inside=lambda x: (x[0] > 1.5) & (x[0] < 2) & (x[1] < 1) & (x[-1] < 1))]
+    bodies = [
+        block(grid, jitter=jitter(mapping, dim)),
+        MaterialPoints.fill(
+            grid,
+            dense.SOFT,
+            2**dim,
+            seed=3,
+            jitter=jitter(mapping, dim),
+            inside=lambda x: (x[0] > 1.5) & (x[0] < 2) & (x[1] < 1) & (x[-1] < 1),
+        ),
+    ]
     start = [body.x.copy() for body in bodies]
     for body in bodies:
         body.acceleration = np.tile(g, (len(body), 1))  # it falls already
@@ -85,7 +100,9 @@ def test_free_fall_is_exact(dim, mapping):
     run.until(steps * dt)
     for body, x in zip(bodies, start, strict=True):
         np.testing.assert_allclose(body.velocity, np.tile(g * run.time, (len(body), 1)), rtol=1e-10)
-        np.testing.assert_allclose(body.x - x, np.tile(g * run.time**2 / 2, (len(body), 1)), rtol=1e-10)
+        np.testing.assert_allclose(
+            body.x - x, np.tile(g * run.time**2 / 2, (len(body), 1)), rtol=1e-10
+        )
 
 
 @pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
@@ -95,15 +112,22 @@ def test_both_transfers_agree_while_the_motion_is_rigid(mapping):
         grid = wide(2)
         body = block(grid, jitter=0.4)
         body.velocity = np.tile([1.0, 2.0], (len(body), 1))
-        run = Simulation(grid, body, Newmark(0.02), [Gravity(lambda t: (30 * np.sin(9 * t), 20 * t))], mapping,
-                         transfer=transfer, solver=DIRECT)
+        run = Simulation(
+            grid,
+            body,
+            Newmark(0.02),
+            [Gravity(lambda t: (30 * np.sin(9 * t), 20 * t))],
+            mapping,
+            transfer=transfer,
+            solver=DIRECT,
+        )
         run.until(0.4)
         found.append((body.x, body.velocity, body.acceleration))
     for a, b in zip(*found, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-7)
 
 
-# -- momentum -------------------------------------------------------------------------------------------------------
+# -- momentum --------------------------------------------------------------------------------------
 
 
 def stressed(grid, rng):
@@ -117,11 +141,20 @@ def stressed(grid, rng):
 @pytest.mark.parametrize("mapping", [MPM, GIMP, CMPM], ids=str)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_internal_stress_does_not_change_the_momentum_of_a_free_body(dim, mapping, transfer):
-    """With mass summed at points, what the points take up is what the grid's equation of motion gave."""
+    """With mass summed at points, what the points take up is what the grid's equation of motion
+    gave."""
     grid = wide(dim)
     body = stressed(grid, np.random.default_rng(2))
-    run = Simulation(grid, body, Newmark(1e-3), [], mapping, transfer=transfer, solver=DIRECT,
-                     sweeps=0 if transfer is flip else 1)
+    run = Simulation(
+        grid,
+        body,
+        Newmark(1e-3),
+        [],
+        mapping,
+        transfer=transfer,
+        solver=DIRECT,
+        sweeps=0 if transfer is flip else 1,
+    )
     before = body.mass @ body.velocity
     scale = body.mass @ np.abs(body.velocity)
     for _ in range(3):
@@ -135,16 +168,20 @@ def test_internal_stress_does_not_change_the_momentum_of_a_free_body(dim, mappin
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_grid_gives_a_free_body_no_net_force(dim, mapping):
     grid = wide(dim)
-    run = Simulation(grid, stressed(grid, np.random.default_rng(2)), Newmark(1e-3), [], mapping, solver=DIRECT)
+    run = Simulation(
+        grid, stressed(grid, np.random.default_rng(2)), Newmark(1e-3), [], mapping, solver=DIRECT
+    )
     run.step()
     motion = run.motion
-    f = dense.vector(grid.space, inner(run.scene.density * motion.acceleration, motion.w) * run.scene.dx)
+    f = dense.vector(
+        grid.space, inner(run.scene.density * motion.acceleration, motion.w) * run.scene.dx
+    )
     f = f.reshape(-1, dim)
     assert np.abs(f).max() > 1.0
     assert np.abs(f.sum(axis=0)).max() < 1e-9 * np.abs(f).sum()
 
 
-# -- patch tests ----------------------------------------------------------------------------------------------------
+# -- patch tests -----------------------------------------------------------------------------------
 
 
 def pulled(grid, points, mapping):
@@ -187,7 +224,8 @@ def test_evenly_placed_points_pass_the_patch_test(dim, mapping):
 @pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_random_support_domains_without_gaps_pass_it_if_they_are_averaged_over(dim, mapping):
-    """GIMP, DM-G and DM-GC see the domains and are exact; the others see their centres only and are not."""
+    """GIMP, DM-G and DM-GC see the domains and are exact; the others see their centres only and are
+    not."""
     grid = dense.uneven(dim)
     error = max(pulled(grid, dense.tiles(grid, np.random.default_rng(4)), mapping))
     if mapping.support:
@@ -202,9 +240,15 @@ def test_a_full_grid_starts_like_finite_elements(dim, mapping):
     """Support domains that tile the grid give the element matrices to round-off."""
     grid = dense.uneven(dim)
     body = dense.tiles(grid, np.random.default_rng(6))
-    terms = [Fixed(grid.facets("left"), "x"), Viscoelastic(grid.facets("bottom"), dense.SOFT, 2.0),
-             Traction(grid.facets("top"), lambda t, x: 1e3 * x), Gravity((1.0,) * dim)]
-    points = Simulation(grid, body, Newmark(1e-3), terms, mapping, solver=DIRECT, initial_acceleration=ZERO)
+    terms = [
+        Fixed(grid.facets("left"), "x"),
+        Viscoelastic(grid.facets("bottom"), dense.SOFT, 2.0),
+        Traction(grid.facets("top"), lambda t, x: 1e3 * x),
+        Gravity((1.0,) * dim),
+    ]
+    points = Simulation(
+        grid, body, Newmark(1e-3), terms, mapping, solver=DIRECT, initial_acceleration=ZERO
+    )
     twin = FiniteElements(grid, dense.SOIL, Newmark(1e-3), terms, initial_acceleration=ZERO)
     points.step()
     twin.step()
@@ -212,7 +256,7 @@ def test_a_full_grid_starts_like_finite_elements(dim, mapping):
     np.testing.assert_allclose(points.motion.u.x.array, u, atol=1e-11 * np.abs(u).max())
 
 
-# -- what a step may cost -------------------------------------------------------------------------------------------
+# -- what a step may cost --------------------------------------------------------------------------
 
 
 class Counting:
@@ -234,17 +278,26 @@ def full_scene(stepping, mapping=DM_GC, **keywords):
     inside = {"inside": lambda x: x[0] > 0.3}
     body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.2, **inside)
     on = MaterialPoints.fill(grid, dense.SOIL, 4, **inside).surface("left")
-    terms = [Fixed(grid.facets("bottom")), Gravity((0.0, -9.81)), Traction(on, lambda t, x: 1e2 * x),
-             Traction(grid.facets("top"), lambda t: (0.0, -1e3 * t))]
+    terms = [
+        Fixed(grid.facets("bottom")),
+        Gravity((0.0, -9.81)),
+        Traction(on, lambda t, x: 1e2 * x),
+        Traction(grid.facets("top"), lambda t: (0.0, -1e3 * t)),
+    ]
     if stepping.dynamic:
         terms.append(Viscoelastic(grid.facets("right"), dense.SOFT, 2.0))
     return Simulation(grid, body, stepping, terms, mapping, **keywords)
 
 
-@pytest.mark.parametrize(("stepping", "keywords", "solves"), [
-    (QuasiStatic(4), {}, 1), (Newmark(1e-4), {"correction": AccelerationCorrection.OFF}, 1),
-    (Newmark(1e-4), {"correction": AccelerationCorrection.IMPLICIT}, 2),
-], ids=["static", "dynamic", "corrected"])
+@pytest.mark.parametrize(
+    ("stepping", "keywords", "solves"),
+    [
+        (QuasiStatic(4), {}, 1),
+        (Newmark(1e-4), {"correction": AccelerationCorrection.OFF}, 1),
+        (Newmark(1e-4), {"correction": AccelerationCorrection.IMPLICIT}, 2),
+    ],
+    ids=["static", "dynamic", "corrected"],
+)
 def test_a_linear_scene_solves_once_a_step_and_once_to_correct_it(stepping, keywords, solves):
     run = full_scene(stepping, **keywords)
     run.equilibrium.ksp = Counting(run.equilibrium.ksp)
@@ -267,8 +320,14 @@ def test_a_step_compiles_and_allocates_nothing(mapping, stepping, monkeypatch):
         fields = [*run.properties.fields, run.motion.u, eq.force, eq.matrix, eq.ksp]
         if stepping.dynamic:
             fields += [run.motion.v, run.motion.a]
-        arrays = [a for s in run.stencils for a in (s.first, s.line, s.slope, s.side, s.span, s.share)]
-        return [id(o) for o in fields], [a.ctypes.data for a in arrays], eq.matrix.getInfo()["mallocs"]
+        arrays = [
+            a for s in run.stencils for a in (s.first, s.line, s.slope, s.side, s.span, s.share)
+        ]
+        return (
+            [id(o) for o in fields],
+            [a.ctypes.data for a in arrays],
+            eq.matrix.getInfo()["mallocs"],
+        )
 
     for name in ("compile_form", "space", "create_matrix"):
         monkeypatch.setattr(dolfinx_versions, name, never)
@@ -292,17 +351,24 @@ def test_points_keep_their_mass_and_their_arrays_fit():
     assert np.isfinite(body.stress).all()
 
 
-# -- more than one body, and statics --------------------------------------------------------------------------------
+# -- more than one body, and statics ---------------------------------------------------------------
 
 
 def test_two_bodies_are_one_where_they_are_of_one_material():
     grid = dense.uneven(2)
     whole = MaterialPoints.fill(grid, dense.SOIL, 4)
-    halves = [MaterialPoints.fill(grid, dense.SOIL, 4, inside=inside)
-              for inside in (lambda x: x[0] < 0.5, lambda x: x[0] >= 0.5)]
+    halves = [
+        MaterialPoints.fill(grid, dense.SOIL, 4, inside=inside)
+        for inside in (lambda x: x[0] < 0.5, lambda x: x[0] >= 0.5)
+    ]
     for bodies in (whole, halves):
-        Simulation(grid, bodies, Newmark(1e-3), [Fixed(grid.facets("bottom")), Gravity((2.0, -9.81))],
-                   solver=DIRECT).until(5e-3)
+        Simulation(
+            grid,
+            bodies,
+            Newmark(1e-3),
+            [Fixed(grid.facets("bottom")), Gravity((2.0, -9.81))],
+            solver=DIRECT,
+        ).until(5e-3)
     order, parts = np.lexsort(whole.x.T), np.vstack([body.x for body in halves])
     np.testing.assert_allclose(parts[np.lexsort(parts.T)], whole.x[order], rtol=1e-12)
 
@@ -312,12 +378,19 @@ def test_self_weight_in_steps_is_the_pressure_of_depth():
     soil = LinearElastic(young=1e9, poisson=0.25, density=2000.0)
     body = MaterialPoints.fill(grid, soil, 4)
     place = np.searchsorted([0.7, 1.5, 2.6], body.x[:, 1])
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y"),
-             Gravity(lambda load: (0.0, -10.0 * load))]
+    terms = [
+        Fixed(grid.facets("left", "right"), "x"),
+        Fixed(grid.facets("bottom"), "y"),
+        Gravity(lambda load: (0.0, -10.0 * load)),
+    ]
     run = Simulation(grid, body, QuasiStatic(5), terms, GIMP)
     run.until(1.0)
     assert run.steps == 5
-    mean = 2000.0 * 10.0 * (3.0 - np.array([0.35, 1.1, 2.05, 2.8])[place])  # all that an element knows of it
+    mean = (
+        2000.0 * 10.0 * (3.0 - np.array([0.35, 1.1, 2.05, 2.8])[place])
+    )  # all that an element knows of it
     finite_strain = 2000.0 * 10.0 * 3.0 / 1e9
     np.testing.assert_allclose(-body.stress[:, 1], mean, atol=finite_strain * mean.max())
-    np.testing.assert_allclose(body.stress[:, 0], 1 / 3 * body.stress[:, 1], atol=finite_strain * mean.max())
+    np.testing.assert_allclose(
+        body.stress[:, 0], 1 / 3 * body.stress[:, 1], atol=finite_strain * mean.max()
+    )

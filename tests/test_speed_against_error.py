@@ -1,4 +1,5 @@
-"""Speed against error, on a bar: rows, orders, going on from where it ended, and failures that are told."""
+"""Speed against error, on a bar: rows, orders, going on from where it ended, and failures that are
+told."""
 
 import json
 import sys
@@ -20,8 +21,13 @@ def rows_in(folder):
 @pytest.fixture(autouse=True)
 def few(monkeypatch):
     """Ten and twenty cells, and one tolerance for the points."""
-    monkeypatch.setattr(study, "cases", lambda *chosen: [
-        case for case in cases(*chosen) if case.cell > 0.03 or case.tolerance == 1e-2])
+    monkeypatch.setattr(
+        study,
+        "cases",
+        lambda *chosen: [
+            case for case in cases(*chosen) if case.cell > 0.03 or case.tolerance == 1e-2
+        ],
+    )
 
 
 @pytest.fixture
@@ -32,14 +38,21 @@ def done(few, tmp_path):
 def test_rows_orders_and_figure(done):
     folder, rows = done
     assert [(row["method"], row["steps"], row["tolerance"]) for row in rows] == [
-        ("FE", 20, None), ("DM-GC", 20, None), ("FE", 40, None), ("DM-GC", 40, None), ("DM-GC", 80, 1e-2)]
+        ("FE", 20, None),
+        ("DM-GC", 20, None),
+        ("FE", 40, None),
+        ("DM-GC", 40, None),
+        ("DM-GC", 80, 1e-2),
+    ]
     assert all(row["seconds"] > 0 and row["unstable_at_step"] is None for row in rows)
     written = json.loads((folder / "speed_against_error.json").read_text())
     assert written["about"]["dolfinx"] and len(written["rows"]) == len(rows)
     found = {row["method"]: row for row in written["orders"] if row["in"] == "h and Δt"}
     assert min(found["DM-GC"]["error_stress"][-1], found["FE"]["error_stress"][-1]) > 1.85
     back, there = written["distances"]
-    assert there["method"] == back["over"] == "DM-GC" and there["error_stress"] == pytest.approx(1.0, abs=0.5)
+    assert there["method"] == back["over"] == "DM-GC" and there["error_stress"] == pytest.approx(
+        1.0, abs=0.5
+    )
     for name in ("seconds", "error_stress", "seconds_at_equal_error_stress"):
         assert there[name] * back[name] == pytest.approx(1.0, rel=1e-5)
     assert (folder / "speed_against_error.png").stat().st_size > 20_000
@@ -75,8 +88,16 @@ def test_failures_and_interrupts_lose_nothing_and_are_run_again(tmp_path, monkey
 
 def test_an_unstable_run_says_at_which_step():
     scene = SCENES["bar, moving"]
-    row = measure(Case("bar, moving", "DM-GC", scene.cells[2], scene.step(scene.cells[2], 0.5), tolerance=0.01))
-    assert row["unstable_at_step"] == 1 and row["error_stress"] is None and "stress beyond" in row["reason"]
+    row = measure(
+        Case(
+            "bar, moving", "DM-GC", scene.cells[2], scene.step(scene.cells[2], 0.5), tolerance=0.01
+        )
+    )
+    assert (
+        row["unstable_at_step"] == 1
+        and row["error_stress"] is None
+        and "stress beyond" in row["reason"]
+    )
 
 
 def test_the_column_is_measured_like_its_demo():

@@ -1,4 +1,5 @@
-"""The start of a dynamic run: accelerations from the balance of forces, motion that is known, a step that changes."""
+"""The start of a dynamic run: accelerations from the balance of forces, motion that is known, a
+step that changes."""
 
 import numpy as np
 import pytest
@@ -49,11 +50,17 @@ def within(dim, law=SOIL, room=1):
     n = (6, 8, 4)[:dim]
     grid = Grid.box((0.0,) * dim, tuple(0.25 * k for k in n), n)
     inside = [(0.25 * room, 0.25 * (k - room)) for k in n]
-    return grid, MaterialPoints.fill(grid, law, 2**dim, lambda x: np.all(
-        [(low < x[d]) & (x[d] < high) for d, (low, high) in enumerate(inside)], axis=0))
+    return grid, MaterialPoints.fill(
+        grid,
+        law,
+        2**dim,
+        lambda x: np.all(
+            [(low < x[d]) & (x[d] < high) for d, (low, high) in enumerate(inside)], axis=0
+        ),
+    )
 
 
-# -- accelerations of the balance of forces -----------------------------------------------------------------------
+# -- accelerations of the balance of forces --------------------------------------------------------
 
 
 @pytest.mark.parametrize("mapping", [*MAPPINGS, DM_GCL], ids=str)
@@ -63,13 +70,18 @@ def test_free_fall_is_exact_from_the_first_step(mapping, law):
     for start, lack in ((InitialAcceleration.BALANCED, 0.0), (ZERO, 1.0)):
         grid, body = within(2, law)
         before = body.x[:, 1].copy()
-        run = Simulation(grid, body, Newmark(2e-3), [Gravity((0.0, -9.81))], mapping, initial_acceleration=start)
+        run = Simulation(
+            grid, body, Newmark(2e-3), [Gravity((0.0, -9.81))], mapping, initial_acceleration=start
+        )
         for n in range(1, 9):
             run.step()
             t = run.time
             assert np.abs(body.velocity[:, 1] / (-9.81 * t) - (1 - lack / (2 * n))).max() < 1e-10
             if not lack:
-                assert np.abs(body.x[:, 1] - before + 0.5 * 9.81 * t**2).max() < 1e-10 * 0.5 * 9.81 * t**2 + 1e-15
+                assert (
+                    np.abs(body.x[:, 1] - before + 0.5 * 9.81 * t**2).max()
+                    < 1e-10 * 0.5 * 9.81 * t**2 + 1e-15
+                )
 
 
 @STEPPED
@@ -81,13 +93,16 @@ def test_finite_elements_fall_freely(dim, stepping):
         for _ in range(3):
             run.step()
         v = run.motion.nodal(run.motion.v)
-        np.testing.assert_allclose(v, np.tile(run.time * np.array([1.0, -9.81, 2.0])[:dim], (len(v), 1)), rtol=1e-9)
+        np.testing.assert_allclose(
+            v, np.tile(run.time * np.array([1.0, -9.81, 2.0])[:dim], (len(v), 1)), rtol=1e-9
+        )
 
 
 @pytest.mark.parametrize("mapping", [MPM, GIMP, DM_G, DM_GC, DM_GCL], ids=str)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_sudden_load_gives_its_momentum_from_the_first_step(dim, mapping):
-    """Σ m v = F t and the centre of mass moves by ½ F t²/M, with a load that stays however its surface stretches."""
+    """Σ m v = F t and the centre of mass moves by ½ F t²/M, with a load that stays however its
+    surface stretches."""
     grid, body = within(dim)
     load, surface = np.array([1e5, -3e5, 5e4])[:dim], body.surface("bottom")
     force, mass = load * surface.area.sum(), body.mass.sum()
@@ -99,7 +114,9 @@ def test_a_sudden_load_gives_its_momentum_from_the_first_step(dim, mapping):
         np.testing.assert_allclose(body.mass @ body.velocity, force * t, rtol=1e-10)
         way = force * t**2 / (2 * mass)
         moved = body.mass @ (body.x - start) / mass
-        np.testing.assert_allclose(moved, way, rtol=0, atol=1e-10 * np.abs(way).max() + 1e-14)  # of places of 1 m
+        np.testing.assert_allclose(
+            moved, way, rtol=0, atol=1e-10 * np.abs(way).max() + 1e-14
+        )  # of places of 1 m
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -111,18 +128,31 @@ def test_finite_elements_take_a_sudden_load_whole(dim):
     for _ in range(10):
         run.step()
     for d in range(dim):
-        momentum = dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(SOIL.density * run.motion.v[d] * grid.dx))
-        way = dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(run.displacement[d] * grid.dx))
+        momentum = dolfinx_versions.assemble_scalar(
+            dolfinx_versions.compile_form(SOIL.density * run.motion.v[d] * grid.dx)
+        )
+        way = dolfinx_versions.assemble_scalar(
+            dolfinx_versions.compile_form(run.displacement[d] * grid.dx)
+        )
         assert momentum == pytest.approx(load[d] * run.time, rel=1e-10)
         assert way == pytest.approx(load[d] * run.time**2 / 2 / SOIL.density, rel=1e-10)
     assert np.abs(energy.lost).max() < 1e-10 * energy["work"][-1]
 
 
 def test_the_energy_of_a_sudden_load_closes():
-    """Of the first step's work less than a tenth is nowhere; with zero at the start it is more than a half."""
+    """Of the first step's work less than a tenth is nowhere; with zero at the start it is more than
+    a half."""
+
     def lost(**options):
         grid, body = within(2)
-        run = Simulation(grid, body, Newmark(2.5e-4), [DeadLoad(body.surface("top"), (0.0, -1e3))], DM_GC, **options)
+        run = Simulation(
+            grid,
+            body,
+            Newmark(2.5e-4),
+            [DeadLoad(body.surface("top"), (0.0, -1e3))],
+            DM_GC,
+            **options,
+        )
         energy = run.record(Energy())
         run.step()
         return abs(energy.lost[-1] / energy["work"][-1])
@@ -132,8 +162,8 @@ def test_the_energy_of_a_sudden_load_closes():
 
 
 def sudden(mapping, cells, start=InitialAcceleration.BALANCED, stepping=Newmark):
-    """Relative L2 error of u in the upper quarter of a column, the front of a sudden load being past it: u is
-    -p/Z (t - d/c) at the depth d."""
+    """Relative L2 error of u in the upper quarter of a column, the front of a sudden load being
+    past it: u is -p/Z (t - d/c) at the depth d."""
     soil, length, p = LinearElastic(20e6, 0.0, 1500.0), 10.0, 10.0
     c, h = soil.p_speed, length / cells
     step, room = stepping(0.5 * h / c), 0 if mapping is None else 1
@@ -141,7 +171,9 @@ def sudden(mapping, cells, start=InitialAcceleration.BALANCED, stepping=Newmark)
     sides = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")]
     options = {"initial_acceleration": start}
     if mapping is None:
-        run = FiniteElements(grid, soil, step, [*sides, Traction(grid.facets("top"), (0.0, -p))], **options)
+        run = FiniteElements(
+            grid, soil, step, [*sides, Traction(grid.facets("top"), (0.0, -p))], **options
+        )
         y = grid.space.tabulate_dof_coordinates()[:, 1]
     else:
         body = MaterialPoints.fill(grid, soil, 4, lambda x: x[1] < length)
@@ -159,15 +191,23 @@ def sudden(mapping, cells, start=InitialAcceleration.BALANCED, stepping=Newmark)
 def test_a_load_that_starts_at_once_is_of_second_order_behind_its_front(mapping):
     """Of first order with zero at the start: half a step of the load is missing for ever."""
     assert np.log2(sudden(mapping, 40) / sudden(mapping, 80)) > 1.8
-    assert np.log2(sudden(mapping, 40, ZERO) / sudden(mapping, 80, ZERO)) == pytest.approx(1.0, abs=0.1)
+    assert np.log2(sudden(mapping, 40, ZERO) / sudden(mapping, 80, ZERO)) == pytest.approx(
+        1.0, abs=0.1
+    )
 
 
 def test_finite_elements_ring_after_a_load_that_starts_at_once():
-    """The fastest mode, of amplitude p h/ρc², rings on undamped and fades as (h/ct)^½: order 1.5 at best, and more
-    where it is damped."""
+    """The fastest mode, of amplitude p h/ρc², rings on undamped and fades as (h/ct)^½: order 1.5 at
+    best, and more where it is damped."""
     assert np.log2(sudden(None, 40) / sudden(None, 160)) / 2 == pytest.approx(1.3, abs=0.2)
     assert sudden(None, 160) < 0.06 * sudden(None, 160, ZERO)
-    assert np.log2(sudden(None, 40, stepping=GeneralizedAlpha) / sudden(None, 80, stepping=GeneralizedAlpha)) > 1.8
+    assert (
+        np.log2(
+            sudden(None, 40, stepping=GeneralizedAlpha)
+            / sudden(None, 80, stepping=GeneralizedAlpha)
+        )
+        > 1.8
+    )
 
 
 def test_points_that_bring_an_acceleration_keep_it():
@@ -181,8 +221,12 @@ def test_points_that_bring_an_acceleration_keep_it():
 def test_a_body_at_rest_on_its_load_starts_with_no_acceleration():
     grid = Grid.box((0.0, 0.0), (1.0, 1.25), (4, 5))
     body = MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] < 1.0)
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y"), Gravity((0.0, -9.81)),
-             Traction(body.surface("top"), (0.0, -1e3))]
+    terms = [
+        Fixed(grid.facets("left", "right"), "x"),
+        Fixed(grid.facets("bottom"), "y"),
+        Gravity((0.0, -9.81)),
+        Traction(body.surface("top"), (0.0, -1e3)),
+    ]
     static = Simulation(grid, body, QuasiStatic(1), terms)
     static.until(1.0)
     static.settle()
@@ -202,7 +246,7 @@ def test_dashpots_and_springs_count_at_the_start():
     assert body.mass @ body.acceleration[:, 1] == pytest.approx(force, rel=1e-9)
 
 
-# -- motion that is known -----------------------------------------------------------------------------------------
+# -- motion that is known --------------------------------------------------------------------------
 
 
 OMEGA, SIZE = 2 * np.pi * 8.0, 1e-4
@@ -220,32 +264,53 @@ def a_of(t):
     return SIZE * OMEGA**2 * np.sin(OMEGA * t)
 
 
-GIVEN = {"value": {"value": u_of}, "all": {"value": u_of, "velocity": v_of, "acceleration": a_of},
-         "record": {"acceleration": a_of}}
+GIVEN = {
+    "value": {"value": u_of},
+    "all": {"value": u_of, "velocity": v_of, "acceleration": a_of},
+    "record": {"acceleration": a_of},
+}
 
 
 def shaken(mapping, stepping, given, height=4.0, h=0.25):
     """A column on a base that moves."""
-    grid = Grid.box((0.0, 0.0), (h, height + h * (mapping is not None)), (1, round(height / h) + (mapping is not None)))
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y", **GIVEN[given])]
+    grid = Grid.box(
+        (0.0, 0.0),
+        (h, height + h * (mapping is not None)),
+        (1, round(height / h) + (mapping is not None)),
+    )
+    terms = [
+        Fixed(grid.facets("left", "right"), "x"),
+        Fixed(grid.facets("bottom"), "y", **GIVEN[given]),
+    ]
     if mapping is None:
         return FiniteElements(grid, SOIL, stepping, terms)
-    return Simulation(grid, MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] < height), stepping, terms, mapping)
+    return Simulation(
+        grid, MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] < height), stepping, terms, mapping
+    )
 
 
 @STEPPED
 @pytest.mark.parametrize("given", GIVEN)
 def test_a_base_has_the_motion_that_it_is_given(given, stepping):
-    """Finite elements: to 1e-10 what is given, and of second order what is derived or integrated from it."""
+    """Finite elements: to 1e-10 what is given, and of second order what is derived or integrated
+    from it."""
     run = shaken(None, stepping, given)
     base = run.grid.space.tabulate_dof_coordinates()[:, 1] < 1e-9
-    known = {"value": (1e-10, 5e-3, 5e-3), "all": (1e-10, 1e-10, 1e-10), "record": (5e-3, 5e-3, 1e-10)}[given]
+    known = {
+        "value": (1e-10, 5e-3, 5e-3),
+        "all": (1e-10, 1e-10, 1e-10),
+        "record": (5e-3, 5e-3, 1e-10),
+    }[given]
     for _ in range(40):
         run.step()
         t, found = run.time, (run.displacement, run.motion.v, run.motion.a)
         sizes = SIZE, SIZE * OMEGA, SIZE * OMEGA**2
-        for field, exact, size, allowed in zip(found, (u_of, v_of, a_of), sizes, known, strict=True):
-            assert np.abs(run.motion.nodal(field)[base, 1] - exact(t)).max() < allowed * size * max(1.0, OMEGA * t)
+        for field, exact, size, allowed in zip(
+            found, (u_of, v_of, a_of), sizes, known, strict=True
+        ):
+            assert np.abs(run.motion.nodal(field)[base, 1] - exact(t)).max() < allowed * size * max(
+                1.0, OMEGA * t
+            )
 
 
 @WITH_DOMAINS
@@ -254,7 +319,7 @@ def test_points_follow_a_base_that_moves(given, mapping):
     """v(y, t) = v(t - y/c) until the wave comes back from the top, to 1.5 %."""
     c = SOIL.p_speed
     run = shaken(mapping, Newmark(0.5 * 0.25 / c), given)
-    body, = run.bodies
+    (body,) = run.bodies
     low = body.x[:, 1] < 0.1
     y, found, exact = body.x[low, 1].mean(), [], []
     while run.time < 1.9 * 4.0 / c:
@@ -265,13 +330,18 @@ def test_points_follow_a_base_that_moves(given, mapping):
 
 
 def test_what_is_flung_at_a_fixed_base_comes_to_rest_there():
-    """Behind the front v = 0 and σ = -ρ c v₀; accelerations there were twenty times those of a smooth front."""
+    """Behind the front v = 0 and σ = -ρ c v₀; accelerations there were twenty times those of a
+    smooth front."""
     h, v0, c = 0.25, 1e-3, SOIL.p_speed
     grid = Grid.box((0.0, 0.0), (h, 8.25), (1, 33))
     body = MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] < 8.0)
     body.velocity = np.tile((0.0, -v0), (len(body), 1))
-    run = Simulation(grid, body, Newmark(0.5 * h / c),
-                     [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")])
+    run = Simulation(
+        grid,
+        body,
+        Newmark(0.5 * h / c),
+        [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")],
+    )
     low = body.x[:, 1] < 0.1
     run.until(40 * run.stepping.dt)
     assert np.abs(body.velocity[low, 1]).max() < 0.05 * v0
@@ -293,16 +363,25 @@ def test_a_velocity_that_is_linear_in_space_is_left_as_it_is_at_supports():
     np.testing.assert_allclose(body.velocity, before, rtol=0, atol=1e-4 * before.max())
 
 
-@pytest.mark.parametrize("bad, match", [
-    ({"velocity": v_of}, "Fixed takes value, or value with velocity and acceleration, or acceleration alone"),
-    ({"value": u_of, "velocity": v_of}, "got value and velocity"),
-    ({"value": u_of, "acceleration": a_of}, "got value and acceleration")])
+@pytest.mark.parametrize(
+    "bad, match",
+    [
+        (
+            {"velocity": v_of},
+            "Fixed takes value, or value with velocity and acceleration, or acceleration alone",
+        ),
+        ({"value": u_of, "velocity": v_of}, "got value and velocity"),
+        ({"value": u_of, "acceleration": a_of}, "got value and acceleration"),
+    ],
+)
 def test_functions_that_do_not_make_a_motion_are_refused(bad, match):
     grid, body = within(2)
     with pytest.raises(ValueError, match=match):
         Simulation(grid, body, Newmark(1e-3), [Fixed(grid.facets("bottom"), "y", **bad)])
     with pytest.raises(ValueError, match="acceleration of Fixed is for dynamics"):
-        Simulation(grid, body, QuasiStatic(3), [Fixed(grid.facets("bottom"), "y", acceleration=a_of)])
+        Simulation(
+            grid, body, QuasiStatic(3), [Fixed(grid.facets("bottom"), "y", acceleration=a_of)]
+        )
 
 
 def test_a_record_goes_on_after_a_restart(tmp_path):
@@ -320,12 +399,16 @@ def test_a_record_goes_on_after_a_restart(tmp_path):
     np.testing.assert_array_equal(*ends)
 
 
-# -- a step that changes --------------------------------------------------------------------------------------------
+# -- a step that changes ---------------------------------------------------------------------------
 
 
 def sprung(kind, stepping):
     """A column on springs under a load of t."""
-    grid = Grid.box((0.0, -0.25), (0.25, 1.25), (1, 6)) if kind else Grid.box((0.0, 0.0), (0.25, 1.0), (1, 4))
+    grid = (
+        Grid.box((0.0, -0.25), (0.25, 1.25), (1, 6))
+        if kind
+        else Grid.box((0.0, 0.0), (0.25, 1.0), (1, 4))
+    )
     times, sides = [], [Fixed(grid.facets("left", "right"), "x")]
 
     def load(t):
@@ -333,16 +416,34 @@ def sprung(kind, stepping):
         return 0.0, -1e3 * np.sin(40.0 * t)
 
     if kind is None:
-        return FiniteElements(grid, SOIL, stepping, [*sides, Viscoelastic(grid.facets("bottom"), SOIL, 1.0),
-                                                     Traction(grid.facets("top"), load)]), times
+        return FiniteElements(
+            grid,
+            SOIL,
+            stepping,
+            [
+                *sides,
+                Viscoelastic(grid.facets("bottom"), SOIL, 1.0),
+                Traction(grid.facets("top"), load),
+            ],
+        ), times
     body = MaterialPoints.fill(grid, SOIL, 4, lambda x: (x[1] > 0.0) & (x[1] < 1.0))
-    return Simulation(grid, body, stepping, [*sides, Viscoelastic(body.surface("bottom"), SOIL, 1.0),
-                                             Traction(body.surface("top"), load)], kind), times
+    return Simulation(
+        grid,
+        body,
+        stepping,
+        [
+            *sides,
+            Viscoelastic(body.surface("bottom"), SOIL, 1.0),
+            Traction(body.surface("top"), load),
+        ],
+        kind,
+    ), times
 
 
 @pytest.mark.parametrize("kind", [None, DM_GC], ids=["FE", "points"])
 def test_time_goes_on_when_the_step_changes(kind):
-    """Loads are asked onwards, springs keep what they have; the end is that of short steps to their order."""
+    """Loads are asked onwards, springs keep what they have; the end is that of short steps to their
+    order."""
     run, times = sprung(kind, Newmark(1e-3))
     probe = run.record(Probe("displacement", (0.125, 0.5)))
     run.until(0.02)
@@ -389,10 +490,12 @@ def test_a_run_whose_step_has_changed_can_be_restarted(tmp_path):
     np.testing.assert_array_equal(*ends)
 
 
-# -- what was chosen ------------------------------------------------------------------------------------------------
+# -- what was chosen -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("courant, kind", [(0.1, "lumped"), (1.0, "lumped"), (1.2, "implicit"), (5.0, "implicit")])
+@pytest.mark.parametrize(
+    "courant, kind", [(0.1, "lumped"), (1.0, "lumped"), (1.2, "implicit"), (5.0, "implicit")]
+)
 def test_a_run_says_what_was_chosen_for_it(courant, kind):
     grid, body = within(2)
     run = Simulation(grid, body, Newmark(courant * 0.25 / SOIL.p_speed), [Gravity((0.0, -9.81))])
@@ -403,7 +506,8 @@ def test_a_run_says_what_was_chosen_for_it(courant, kind):
 
 
 def test_the_papers_step_is_a_preset():
-    """No sweep, no correction, zero at the start: v/(g t) = 1 - 1/(2n), and nothing is kept for what is not there."""
+    """No sweep, no correction, zero at the start: v/(g t) = 1 - 1/(2n), and nothing is kept for
+    what is not there."""
     grid, body = within(2)
     run = Simulation(grid, body, Newmark(1e-3), [Gravity((0.0, -9.81))], **PAPER)
     run.step()
@@ -415,13 +519,24 @@ def test_the_papers_step_is_a_preset():
 def test_the_initial_acceleration_is_that_of_the_mass_matrix():
     """Finite elements: M a = P by hand, supports known."""
     grid = Grid.box((0.0, 0.0), (1.0, 1.0), (3, 2))
-    run = FiniteElements(grid, SOIL, Newmark(1e-3), [Fixed(grid.facets("bottom")), Gravity((3.0, -9.81)),
-                                                     Traction(grid.facets("top"), (1e3, 2e3))])
+    run = FiniteElements(
+        grid,
+        SOIL,
+        Newmark(1e-3),
+        [
+            Fixed(grid.facets("bottom")),
+            Gravity((3.0, -9.81)),
+            Traction(grid.facets("top"), (1e3, 2e3)),
+        ],
+    )
     run.begin()
     a = fem.Function(grid.space)
     a.x.array[:] = run.motion.a.x.array
     scene, w = run.scene, run.motion.w
-    left = sum(c.force for c in run.contributions if c.force) + SOIL.density * (a[0] * w[0] + a[1] * w[1]) * scene.dx
+    left = (
+        sum(c.force for c in run.contributions if c.force)
+        + SOIL.density * (a[0] * w[0] + a[1] * w[1]) * scene.dx
+    )
     residual = fem.Function(grid.space)
     dolfinx_versions.assemble_vector(residual, dolfinx_versions.compile_form(left))
     free = ~run.equilibrium.fixed
@@ -431,7 +546,8 @@ def test_the_initial_acceleration_is_that_of_the_mass_matrix():
 
 @pytest.mark.parametrize("radius", [0.5, 0.8])
 def test_a_record_is_of_second_order_under_generalised_alpha(radius):
-    """a = A cos ωt, a(0) ≠ 0: v = A sin ωt/ω, which γ > ½ would be off by (γ - ½) Δt (a - a(0)) from."""
+    """a = A cos ωt, a(0) ≠ 0: v = A sin ωt/ω, which γ > ½ would be off by (γ - ½) Δt (a - a(0))
+    from."""
     grid, errors = Grid.box((0.0, 0.0), (0.5, 1.0), (2, 4)), []
     for dt in (4e-3, 2e-3):
         base = grid.facets("bottom")
@@ -458,15 +574,18 @@ def test_what_a_run_has_left_is_no_acceleration_that_is_given():
 
 
 def test_short_steps_do_not_feed_a_free_bar_whose_ends_are_cut():
-    """Courant 0.1: with the matrix of the step, which is then that of mass, its energy is 1.35 times as much after a
-    thousand steps and 500 times after two; what is chosen leaves it within 1.2."""
+    """Courant 0.1: with the matrix of the step, which is then that of mass, its energy is 1.35
+    times as much after a thousand steps and 500 times after two; what is chosen leaves it within
+    1.2."""
     soil = LinearElastic(15e6, 0.25, 1500.0)
     grid = Grid.box((0.0, 0.0), (1.0, 7.0), (2, 14))
     body = MaterialPoints.fill(grid, soil, 4, lambda x: (x[1] > 1.0) & (x[1] < 6.0))
     body.x[:, 1] += 0.11
     shape = np.cos(2 * np.pi * (body.x[:, 1] - 1.11) / 5.0)
     body.velocity = np.stack((0.0 * shape, 1e-4 * soil.p_speed * shape), axis=1)
-    run = Simulation(grid, body, Newmark(0.05 / soil.p_speed), [Fixed(grid.facets("left", "right"), "x")])
+    run = Simulation(
+        grid, body, Newmark(0.05 / soil.p_speed), [Fixed(grid.facets("left", "right"), "x")]
+    )
     assert run.correction_kind is AccelerationCorrection.LUMPED
     start = sum(run.energy().values())
     for _ in range(1000):
@@ -476,7 +595,14 @@ def test_short_steps_do_not_feed_a_free_bar_whose_ends_are_cut():
 
 def test_a_load_that_raises_is_named():
     grid, body = within(2)
-    run = Simulation(grid, body, Newmark(1e-3), [Gravity(lambda t: (0.0, -1.0 / (2e-3 - t)) if t < 1.9e-3 else 1 / 0)])
+    run = Simulation(
+        grid,
+        body,
+        Newmark(1e-3),
+        [Gravity(lambda t: (0.0, -1.0 / (2e-3 - t)) if t < 1.9e-3 else 1 / 0)],
+    )
     run.step()
-    with pytest.raises(RunError, match=r"step 2.*g of Gravity raises ZeroDivisionError at t = 0\.002: division"):
+    with pytest.raises(
+        RunError, match=r"step 2.*g of Gravity raises ZeroDivisionError at t = 0\.002: division"
+    ):
         run.step()

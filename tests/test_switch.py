@@ -1,4 +1,5 @@
-"""From rest under gravity to dynamics: what fixed edges bore is carried over, and surfaces move with the material."""
+"""From rest under gravity to dynamics: what fixed edges bore is carried over, and surfaces move
+with the material."""
 
 import dense
 import numpy as np
@@ -35,11 +36,15 @@ PLASTIC = VonMises(SOIL, peak=60e3, residual=20e3, softening=50e3)
 G = 9.81
 WALLS = {2: {"left": "x", "right": "x"}, 3: {"left": "x", "right": "x", "bottom": "y", "top": "y"}}
 BASE = {2: "bottom", 3: "back"}
-VISCOUS = {"viscous": lambda on: Viscous(on, SOIL), "viscoelastic": lambda on: Viscoelastic(on, SOIL, 20.0)}
+VISCOUS = {
+    "viscous": lambda on: Viscous(on, SOIL),
+    "viscoelastic": lambda on: Viscoelastic(on, SOIL, 20.0),
+}
 
 
 class RestingColumn:
-    """A column at rest under gravity on a grid that fits it; then on one with room to drift, or on its elements."""
+    """A column at rest under gravity on a grid that fits it; then on one with room to drift, or on
+    its elements."""
 
     def __init__(self, mapping=None, dim=2, height=3.0, h=0.25, soil=SOIL, base=None):
         self.mapping, self.dim, self.h, self.height = mapping, dim, h, height
@@ -50,15 +55,22 @@ class RestingColumn:
         if mapping is None:
             self.static = FiniteElements(self.grid, soil, QuasiStatic(1), terms)
         else:
-            self.points = MaterialPoints.fill(self.grid, soil, 2**dim, inside=lambda x: x[-1] < height)
+            self.points = MaterialPoints.fill(
+                self.grid, soil, 2**dim, inside=lambda x: x[-1] < height
+            )
             self.static = Simulation(self.grid, self.points, QuasiStatic(1), terms, mapping)
         self.static.step()
         self.left = self.static.settle()
         self.speed = G * height / SOIL.p_speed  # σ/(ρ c)
 
     def _grid(self, beside, below, above):
-        lower, upper = [-beside] * (self.dim - 1) + [-below], [1 + beside] * (self.dim - 1) + [self.height + above]
-        return Grid.box(lower, upper, [round((b - a) / self.h) for a, b in zip(lower, upper, strict=True)])
+        lower, upper = (
+            [-beside] * (self.dim - 1) + [-below],
+            [1 + beside] * (self.dim - 1) + [self.height + above],
+        )
+        return Grid.box(
+            lower, upper, [round((b - a) / self.h) for a, b in zip(lower, upper, strict=True)]
+        )
 
     def _rollers(self, grid):
         return [Fixed(grid.facets(side), axis) for side, axis in WALLS[self.dim].items()]
@@ -87,21 +99,31 @@ def rng():
     return np.random.default_rng(11)
 
 
-MAPPINGS = pytest.mark.parametrize("mapping", [None, DM_GC, GIMP], ids=lambda m: m.name if m else "FE")
+MAPPINGS = pytest.mark.parametrize(
+    "mapping", [None, DM_GC, GIMP], ids=lambda m: m.name if m else "FE"
+)
 
 
-# -- case 11 --------------------------------------------------------------------------------------------------------
+# -- case 11 ---------------------------------------------------------------------------------------
 
 
 @MAPPINGS
-@pytest.mark.parametrize(("soil", "boundary", "walls"), [
-    (SOIL, "viscous", False), (SOIL, "viscoelastic", True), (PLASTIC, "viscous", True),
-], ids=["base, viscous", "base and walls, viscoelastic", "base and walls, von Mises"])
+@pytest.mark.parametrize(
+    ("soil", "boundary", "walls"),
+    [
+        (SOIL, "viscous", False),
+        (SOIL, "viscoelastic", True),
+        (PLASTIC, "viscous", True),
+    ],
+    ids=["base, viscous", "base and walls, viscoelastic", "base and walls, von Mises"],
+)
 def test_with_its_reactions_nothing_moves(mapping, soil, boundary, walls):
     column = RestingColumn(mapping, soil=soil)
     assert column.left <= 1e-10
     surfaces = column.surfaces(walls)
-    run = column.release(surfaces, column.static.reactions(*surfaces) + [VISCOUS[boundary](s) for s in surfaces])
+    run = column.release(
+        surfaces, column.static.reactions(*surfaces) + [VISCOUS[boundary](s) for s in surfaces]
+    )
     assert run.time == 0.0
     fastest = 0.0
     for _ in range(200):
@@ -114,18 +136,24 @@ def test_with_its_reactions_nothing_moves(mapping, soil, boundary, walls):
 def test_in_3d_nothing_moves_either(mapping):
     column = RestingColumn(mapping, dim=3, height=1.0, h=0.5)
     surfaces = column.surfaces(walls=True)
-    run = column.release(surfaces, column.static.reactions(*surfaces) + [Viscous(s, SOIL) for s in surfaces], dt=5e-3)
+    run = column.release(
+        surfaces, column.static.reactions(*surfaces) + [Viscous(s, SOIL) for s in surfaces], dt=5e-3
+    )
     run.until(0.25)
     assert np.abs(column.velocity(run)).max() < 1e-9 * column.speed
 
 
-@pytest.mark.parametrize(("mapping", "scatter"), [(None, 2e-3), (GIMP, 1e-3), (DM_GC, 0.03), (DM_GCL, 1e-3)],
-                         ids=lambda value: str(value or "FE"))
+@pytest.mark.parametrize(
+    ("mapping", "scatter"),
+    [(None, 2e-3), (GIMP, 1e-3), (DM_GC, 0.03), (DM_GCL, 1e-3)],
+    ids=lambda value: str(value or "FE"),
+)
 def test_without_its_reactions_the_column_drifts(mapping, scatter):
     """At σ/(ρc) everywhere, once the unloading has been to the top and back.
 
-    Where its base has come past a grid line points scatter about that, but where stress is linear over domains.  In
-    finite elements the fastest mode, which a load that goes at once excites, rings on at the base: means of the column.
+    Where its base has come past a grid line points scatter about that, but where stress is linear
+    over domains.  In finite elements the fastest mode, which a load that goes at once excites,
+    rings on at the base: means of the column.
     """
     column = RestingColumn(mapping)
     surfaces = column.surfaces(walls=False)
@@ -133,10 +161,12 @@ def test_without_its_reactions_the_column_drifts(mapping, scatter):
     run.until(0.2)
     assert run.time > 3 * (2 * column.height / SOIL.p_speed)
     found = column.velocity(run)[:, 1]
-    np.testing.assert_allclose(found.mean() if mapping is None else found, -column.speed, rtol=scatter)
+    np.testing.assert_allclose(
+        found.mean() if mapping is None else found, -column.speed, rtol=scatter
+    )
 
 
-# -- what the tractions are -----------------------------------------------------------------------------------------
+# -- what the tractions are ------------------------------------------------------------------------
 
 
 @MAPPINGS
@@ -149,28 +179,47 @@ def test_walls_bear_earth_pressure_at_rest_and_the_base_the_weight(mapping):
     for surface, carried in zip(surfaces, column.static.reactions(*surfaces), strict=True):
         if mapping is None:
             from dolfinx import fem
-            totals.append([fem.assemble_scalar(fem.form(carried.value[i] * surface.measure)) for i in range(2)])
+
+            totals.append(
+                [
+                    fem.assemble_scalar(fem.form(carried.value[i] * surface.measure))
+                    for i in range(2)
+                ]
+            )
         else:
             totals.append(surface.area @ carried.value)
             depth = column.height - surface.x[:, 1]
-            expected = np.outer(at_rest * depth, [1.0, 0.0]) * -surface.normal[:, :1] if surface is not surfaces[0] \
+            expected = (
+                np.outer(at_rest * depth, [1.0, 0.0]) * -surface.normal[:, :1]
+                if surface is not surfaces[0]
                 else np.array([[0.0, weight]])
-            inner = np.abs(surface.x[:, 1] - column.height / 2) < column.height / 4 if surface is not surfaces[0] \
+            )
+            inner = (
+                np.abs(surface.x[:, 1] - column.height / 2) < column.height / 4
+                if surface is not surfaces[0]
                 else slice(None)
+            )
             difference = (carried.value - expected)[inner]
             assert np.abs(difference).max() < 0.02 * weight
     np.testing.assert_allclose(totals, [[0, weight], [push, 0], [-push, 0]], atol=0.02 * push)
 
 
 def loaded(mapping, rng):
-    """An uneven grid, points anywhere, a strip load; surface points that the static run carries along."""
+    """An uneven grid, points anywhere, a strip load; surface points that the static run carries
+    along."""
     grid = dense.uneven(2)
     body = MaterialPoints.fill(grid, SOIL, 4, jitter=0.3, seed=int(rng.integers(99)))
     on = [body.surface(side) for side in ("left", "right", "bottom")]
     strip = body.surface("top", where=lambda x: x[0] < 0.4)
     keep = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
     still = [Traction(surface, (0.0, 0.0)) for surface in on]
-    run = Simulation(grid, body, QuasiStatic(2), [Traction(strip, lambda t: (0.0, -3e5 * t)), *keep, *still], mapping)
+    run = Simulation(
+        grid,
+        body,
+        QuasiStatic(2),
+        [Traction(strip, lambda t: (0.0, -3e5 * t)), *keep, *still],
+        mapping,
+    )
     run.until(1.0)
     return run, on
 
@@ -180,35 +229,52 @@ def test_tractions_sum_to_the_nodal_reactions(mapping, rng):
     run, on = loaded(mapping, rng)
     run.settle(1e-8)
     borne, _ = run.balance()
-    found = sum(dense.over_faces(run.grid, term.on, term.on.area[:, None] * term.value)
-                for term in run.reactions(*on))
+    found = sum(
+        dense.over_faces(run.grid, term.on, term.on.area[:, None] * term.value)
+        for term in run.reactions(*on)
+    )
     assert np.abs(borne).max() > 1e4
     assert np.abs(found.ravel() - borne).max() < 1e-8 * np.abs(borne).max()
     assert np.array_equal(run.balance()[0], borne)  # looking changes nothing
 
 
 def test_tractions_of_elements_sum_to_the_nodal_reactions():
-    grid = Grid.rectilinear([dense.LINES, dense.LINES], {"strip": lambda x: (x[1] > 0.999) & (x[0] < 0.31)})
+    grid = Grid.rectilinear(
+        [dense.LINES, dense.LINES], {"strip": lambda x: (x[1] > 0.999) & (x[0] < 0.31)}
+    )
     keep = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
-    run = FiniteElements(grid, SOIL, QuasiStatic(1), [Traction(grid.facets("strip"), (0.0, -3e5)), *keep])
+    run = FiniteElements(
+        grid, SOIL, QuasiStatic(1), [Traction(grid.facets("strip"), (0.0, -3e5)), *keep]
+    )
     run.step()
     borne, left = run.balance()
     assert left < 1e-10
     terms = run.reactions(*(grid.facets(side) for side in ("left", "right", "bottom")))
-    found = sum(-dense.vector(grid.space, term.bind(dense.bare_scene(grid, Newmark(1.0))).work) for term in terms)
+    found = sum(
+        -dense.vector(grid.space, term.bind(dense.bare_scene(grid, Newmark(1.0))).work)
+        for term in terms
+    )
     assert np.abs(found - borne).max() < 1e-10 * np.abs(borne).max()
 
 
 def test_carried_tractions_add_to_others_on_the_same_surface():
-    """Elements are linear: under gravity with its reactions a pulse does what it does without either."""
+    """Elements are linear: under gravity with its reactions a pulse does what it does without
+    either."""
+
     def pulse(t):
         return 0.0, 1e3 * np.sin(100.0 * t)
 
     column = RestingColumn()
     [base] = surfaces = column.surfaces(walls=False)
-    run = column.release(surfaces, [*column.static.reactions(base), Traction(base, pulse), Viscous(base, SOIL)])
-    alone = FiniteElements(column.grid, SOIL, Newmark(1e-3), [*column._rollers(column.grid), Traction(base, pulse),
-                                                              Viscous(base, SOIL)])
+    run = column.release(
+        surfaces, [*column.static.reactions(base), Traction(base, pulse), Viscous(base, SOIL)]
+    )
+    alone = FiniteElements(
+        column.grid,
+        SOIL,
+        Newmark(1e-3),
+        [*column._rollers(column.grid), Traction(base, pulse), Viscous(base, SOIL)],
+    )
     energy = run.record(Energy())
     run.until(0.05)
     alone.until(0.05)
@@ -218,7 +284,7 @@ def test_carried_tractions_add_to_others_on_the_same_surface():
     assert abs(energy.lost[-1]) < 1e-9 * abs(energy["work"]).max()
 
 
-# -- equilibrium of the static stage --------------------------------------------------------------------------------
+# -- equilibrium of the static stage ---------------------------------------------------------------
 
 
 def test_settling_reaches_what_one_solve_leaves(rng):
@@ -253,24 +319,32 @@ def test_yielded_elements_go_on_as_they_are():
     static.settle()
     assert static.yielding.history.max() > 0.0
     edges = [grid.facets(side) for side in ("left", "right", "bottom")]
-    run = FiniteElements(grid, weak, Newmark(1e-3), [load, *static.reactions(*edges),
-                                                     *(Viscous(edge, SOIL) for edge in edges)], start=static)
+    run = FiniteElements(
+        grid,
+        weak,
+        Newmark(1e-3),
+        [load, *static.reactions(*edges), *(Viscous(edge, SOIL) for edge in edges)],
+        start=static,
+    )
     run.until(0.05)
     assert np.abs(run.motion.v.x.array).max() < 1e-6 * 50e3 / (SOIL.density * SOIL.p_speed)
     assert run.yielding.state is not static.yielding.state
 
 
-# -- refusals -------------------------------------------------------------------------------------------------------
+# -- refusals --------------------------------------------------------------------------------------
 
 
 def test_what_cannot_be_carried_over_is_refused(rng):
     run, on = loaded(DM_GC, rng)
     grid, body = run.grid, run.bodies[0]
-    for surfaces, message in [((), "must all be"), ((on[0], grid.facets("bottom")), "must all be"),
-                              ((on[2], body.surface("top")), "number 1 is on no fixed edge"),
-                              ((grid.facets("top"),), "number 0 is on no fixed edge"),
-                              ((grid.facets("left", "bottom"),), "give them one by one"),
-                              ((dense.uneven(2).facets("left"),), "another grid")]:
+    for surfaces, message in [
+        ((), "must all be"),
+        ((on[0], grid.facets("bottom")), "must all be"),
+        ((on[2], body.surface("top")), "number 1 is on no fixed edge"),
+        ((grid.facets("top"),), "number 0 is on no fixed edge"),
+        ((grid.facets("left", "bottom"),), "give them one by one"),
+        ((dense.uneven(2).facets("left"),), "another grid"),
+    ]:
         with pytest.raises(ValueError, match=message):
             run.reactions(*surfaces)
     few = SurfacePoints(on[2].x[:2], on[2].normal[:2], on[2].area[:2])
@@ -284,11 +358,14 @@ def test_what_cannot_be_carried_over_is_refused(rng):
         with pytest.raises(ValueError, match="a load on surface points must be"):
             Traction(on[0], value).bind(dense.bare_scene(grid, Newmark(1e-3)))
     with pytest.raises(ValueError, match="vector on the grid's mesh"):
-        Traction(grid.facets("top"), grid_field(dense.uneven(2))).bind(dense.bare_scene(grid, Newmark(1e-3)))
+        Traction(grid.facets("top"), grid_field(dense.uneven(2))).bind(
+            dense.bare_scene(grid, Newmark(1e-3))
+        )
 
 
 def grid_field(grid):
     from dolfinx import fem
+
     return fem.Function(grid.space)
 
 
@@ -299,19 +376,23 @@ def test_another_grid_or_material_cannot_be_the_start():
             FiniteElements(grid, soil, Newmark(1e-3), [], start=static)
 
 
-# -- surfaces move with the material --------------------------------------------------------------------------------
+# -- surfaces move with the material ---------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mapping", [DM_GC, GIMP], ids=str)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_surfaces_are_dragged_across_cells(dim, mapping):
     grid = Grid.box((0,) * dim, (4,) * dim, (8,) * dim)
-    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0))
+    body = MaterialPoints.fill(
+        grid, SOIL, 2**dim, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0)
+    )
     surfaces = [body.surface(side) for side in ["left", "right", *WALLS[dim], BASE[dim]][2:]]
     v = np.array([6.0, 4.5, -1.5])[:dim]
     body.velocity = np.tile(v, (len(body), 1))
     before = [(s.x.copy(), s.normal.copy(), s.area.copy()) for s in surfaces]
-    run = Simulation(grid, body, Newmark(0.02), [Traction(s, np.zeros(s.x.shape)) for s in surfaces], mapping)
+    run = Simulation(
+        grid, body, Newmark(0.02), [Traction(s, np.zeros(s.x.shape)) for s in surfaces], mapping
+    )
     run.until(0.32)
     assert v[0] * run.time > 3 * 0.5
     for surface, (x, normal, area) in zip(surfaces, before, strict=True):
@@ -321,7 +402,9 @@ def test_surfaces_are_dragged_across_cells(dim, mapping):
 
 
 def strip_of_soil(mapping, shift, h=0.25, dt=1e-3):
-    """A pulse on a column with a dashpot below, everything ``shift`` cells (m) off; absorbed/work, error, stresses."""
+    """A pulse on a column with a dashpot below, everything ``shift`` cells (m) off; absorbed/work,
+    error, stresses."""
+
     def load(t):
         return 300.0 * np.maximum(0.0, 1.0 - np.abs(t - 0.05) / 0.05)
 
@@ -330,8 +413,17 @@ def strip_of_soil(mapping, shift, h=0.25, dt=1e-3):
     top, base = body.surface("top"), body.surface("bottom")
     for moved in (body, top, base):
         moved.x[:, 1] += shift
-    run = Simulation(grid, body, Newmark(dt), [Fixed(grid.facets("left", "right"), "x"), Viscous(base, SOIL),
-                                               Traction(top, lambda t: (0.0, -load(t)))], mapping)
+    run = Simulation(
+        grid,
+        body,
+        Newmark(dt),
+        [
+            Fixed(grid.facets("left", "right"), "x"),
+            Viscous(base, SOIL),
+            Traction(top, lambda t: (0.0, -load(t))),
+        ],
+        mapping,
+    )
     energy, stress = run.record(Energy()), run.record(Probe("stress", (0.5, 1.5 + shift)))
     run.until(0.16)
     column = Column(3.0, SOIL.p_speed, SOIL.density, load, 0.2, fixed=False)
@@ -349,7 +441,9 @@ def test_a_boundary_moved_by_whole_cells_is_the_same_boundary(mapping):
 @pytest.mark.parametrize("mapping", [DM_GC, GIMP], ids=str)
 @pytest.mark.parametrize("cells", [0.37, 2.6])
 def test_a_boundary_inside_cells_absorbs_within_the_error_of_the_grid(mapping, cells):
-    (coarse, error, _), (fine, finer, _) = (strip_of_soil(mapping, cells * h, h, 4e-3 * h) for h in (0.25, 0.125))
+    (coarse, error, _), (fine, finer, _) = (
+        strip_of_soil(mapping, cells * h, h, 4e-3 * h) for h in (0.25, 0.125)
+    )
     assert abs(coarse - 1) < 0.01 and abs(fine - 1) < 0.5 * abs(coarse - 1)
     assert error < 0.02 and finer < 0.6 * error
 
@@ -385,4 +479,6 @@ def test_a_dashpot_just_over_a_corner_keeps_the_matrix_exact_in_its_smallest_row
     assert d[touched].min() < 2 * beyond**4 * d.max()
     scale = 1 / np.sqrt(d[touched])
     difference = (K - by_hand)[np.ix_(touched, touched)] * scale[:, None] * scale
-    assert np.abs(difference).max() < 1e-15 / beyond**2 + 1e-12  # with Gauss points it would be 1e-16 / beyond⁴
+    assert (
+        np.abs(difference).max() < 1e-15 / beyond**2 + 1e-12
+    )  # with Gauss points it would be 1e-16 / beyond⁴

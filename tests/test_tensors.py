@@ -22,7 +22,9 @@ def test_row_product_is_the_work_of_the_tensors(dim):
     gradient = rng.normal(size=(20, dim, dim))
     stress = rng.normal(size=(20, tensors.components(dim)))
     work = np.einsum("nij,nij->n", full(stress)[:, :dim, :dim], gradient)
-    np.testing.assert_allclose((stress * tensors.strain(gradient)).sum(axis=1), work, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(
+        (stress * tensors.strain(gradient)).sum(axis=1), work, rtol=0, atol=1e-14
+    )
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -42,7 +44,9 @@ def test_invariants_do_not_see_a_rotation_or_its_axes(dim):
     stress = rng.normal(size=(20, tensors.components(dim)))
     turn = Rotation.from_euler("zyx", [0.7, 0.0, 0.0] if dim == 2 else [0.7, -0.4, 1.9]).as_matrix()
     turned = np.einsum("ij,njk,lk->nil", turn, full(stress), turn)
-    rows = np.stack([turned[:, i, j] for i, j in [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]], 1)
+    rows = np.stack(
+        [turned[:, i, j] for i, j in [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]], 1
+    )
     rows = rows[:, : stress.shape[1]]
     np.testing.assert_allclose(tensors.von_mises(rows), tensors.von_mises(stress), rtol=1e-12)
     np.testing.assert_allclose(tensors.mean(rows), tensors.mean(stress), rtol=0, atol=1e-14)
@@ -62,7 +66,9 @@ def test_out_of_plane_stress_counts():
 @pytest.mark.parametrize("dim", [2, 3])
 def test_stretch_is_the_determinant(dim):
     gradient = np.random.default_rng(5).normal(size=(7, dim, dim))
-    np.testing.assert_allclose(tensors.stretch(gradient), np.linalg.det(np.eye(dim) + gradient), rtol=1e-12)
+    np.testing.assert_allclose(
+        tensors.stretch(gradient), np.linalg.det(np.eye(dim) + gradient), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -75,4 +81,6 @@ def test_the_cofactor_is_the_derivative_of_the_determinant(dim):
             there[:, i, j] += step
             back[:, i, j] -= step
             slope = (tensors.stretch(there) - tensors.stretch(back)) / (2 * step)
-            np.testing.assert_allclose(tensors.cofactor(gradient)[:, i, j], slope, rtol=0, atol=1e-9)
+            np.testing.assert_allclose(
+                tensors.cofactor(gradient)[:, i, j], slope, rtol=0, atol=1e-9
+            )

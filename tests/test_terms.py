@@ -56,19 +56,27 @@ def same(a, b, tolerance=1e-12):
 
 
 def markers(grid, rng, n=9):
-    x = grid.lower_corner + rng.uniform(0.01, 0.99, (n, grid.dim)) * (grid.upper_corner - grid.lower_corner)
+    x = grid.lower_corner + rng.uniform(0.01, 0.99, (n, grid.dim)) * (
+        grid.upper_corner - grid.lower_corner
+    )
     normal = rng.normal(size=x.shape)
-    return SurfacePoints(x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.5, n))
+    return SurfacePoints(
+        x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.5, n)
+    )
 
 
-# -- facets against surface points --------------------------------------------------------------------------------
+# -- facets against surface points -----------------------------------------------------------------
 
 TERMS = {
     "viscous": lambda on: Viscous(on, dense.SOFT),
     "viscoelastic": lambda on: Viscoelastic(on, dense.SOFT, 3.0),
     "constant traction": lambda on: Traction(on, tuple(np.arange(on_dim(on)) + 1.5)),
-    "traction of time": lambda on: Traction(on, lambda t: np.sin(t) * (np.arange(on_dim(on)) + 1.5)),
-    "traction of place": lambda on: Traction(on, lambda t, x: t * (x @ LINEAR[: on_dim(on), : on_dim(on)] + 0.3)),
+    "traction of time": lambda on: Traction(
+        on, lambda t: np.sin(t) * (np.arange(on_dim(on)) + 1.5)
+    ),
+    "traction of place": lambda on: Traction(
+        on, lambda t, x: t * (x @ LINEAR[: on_dim(on), : on_dim(on)] + 0.3)
+    ),
 }
 LINEAR = np.array([[1.0, -2.0, 0.5], [0.3, 1.7, 2.0], [-1.0, 0.2, 0.9]])
 
@@ -83,8 +91,10 @@ def on_dim(on):
 def test_facets_and_surface_points_agree(dim, name, side):
     grid = dense.uneven(dim)
     body = MaterialPoints.fill(grid, dense.SOIL, 2**dim)
-    found = [system(grid, TERMS[name](on), np.random.default_rng(2))
-             for on in (grid.facets(side), body.surface(side))]
+    found = [
+        system(grid, TERMS[name](on), np.random.default_rng(2))
+        for on in (grid.facets(side), body.surface(side))
+    ]
     same(found[1][0], found[0][0])
     if found[0][1] is not None:
         same(found[1][1], found[0][1])
@@ -93,8 +103,13 @@ def test_facets_and_surface_points_agree(dim, name, side):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
     grid = dense.uneven(dim)
-    surfaces = grid.facets("bottom"), MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("bottom")
-    increments = 1e-12 * rng.normal(size=(3, grid.nodes * dim))  # the surface points stay on the facets
+    surfaces = (
+        grid.facets("bottom"),
+        MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("bottom"),
+    )
+    increments = 1e-12 * rng.normal(
+        size=(3, grid.nodes * dim)
+    )  # the surface points stay on the facets
     found = []
     for on in surfaces:
         scene = dense.bare_scene(grid, STEPPING)
@@ -109,7 +124,7 @@ def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
     same(found[1], found[0], 1e-10)
 
 
-# -- by hand ------------------------------------------------------------------------------------------------------
+# -- by hand ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -137,12 +152,18 @@ def test_a_uniform_velocity_meets_the_impedances(dim, rng):
         work = Viscous(on, dense.SOFT).bind(scene).work
         scene.prepare(0.0, DT)
         for v, speed in ((n, dense.SOFT.p_speed), (across, dense.SOFT.s_speed)):
-            scene.motion.nodal(scene.motion.u)[:] = v * DT / 2  # from rest, so that v is the velocity at the end
+            scene.motion.nodal(scene.motion.u)[:] = (
+                v * DT / 2
+            )  # from rest, so that v is the velocity at the end
             traction = -dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0) / on.area[0]
-            np.testing.assert_allclose(traction, -dense.SOFT.density * speed * v, rtol=1e-11, atol=1e-9)
+            np.testing.assert_allclose(
+                traction, -dense.SOFT.density * speed * v, rtol=1e-11, atol=1e-9
+            )
 
 
-@pytest.mark.parametrize("make", [lambda on: Viscous(on, dense.SOFT), lambda on: Viscoelastic(on, dense.SOFT, 2.0)])
+@pytest.mark.parametrize(
+    "make", [lambda on: Viscous(on, dense.SOFT), lambda on: Viscoelastic(on, dense.SOFT, 2.0)]
+)
 def test_turning_the_normal_turns_the_force(make, rng):
     grid = dense.uneven(3)
     on, Q = markers(grid, rng), dense.rotation(rng, 3)
@@ -160,7 +181,9 @@ def test_springs_add_their_stiffness(dim, rng):
     nn = on.normal[:, :, None] * on.normal[:, None, :]
     k = 2 * G / r * nn + G / (2 * r) * (np.eye(dim) - nn)
     N = dense.hats(grid, on.x)
-    same(K, np.einsum("p,pi,pj,pab->iajb", on.area, N, N, k).reshape(K.shape), 1e-9)  # a small part of the sum
+    same(
+        K, np.einsum("p,pi,pj,pab->iajb", on.area, N, N, k).reshape(K.shape), 1e-9
+    )  # a small part of the sum
 
 
 @pytest.mark.parametrize("where", ["facets", "surface points"])
@@ -181,10 +204,16 @@ def test_a_stiff_block_on_springs_and_dashpots_is_an_oscillator(where, direction
         return 1e-3 * np.sin(60 * t) * np.eye(2)[direction]
 
     keep = Fixed(grid.facets("left", "right"), "x") if direction else Fixed(grid.facets("top"), "y")
-    run = Simulation(grid, body, Newmark(dt), [keep, Gravity(push), Viscoelastic(on, rock, r)], solver=DIRECT)
+    run = Simulation(
+        grid, body, Newmark(dt), [keep, Gravity(push), Viscoelastic(on, rock, r)], solver=DIRECT
+    )
     start = body.x.copy()
     G = rock.lame[1]
-    m, c, k = 2000.0 * height, rock.density * (rock.s_speed, rock.p_speed)[direction], (G / 2 / r, 2 * G / r)[direction]
+    m, c, k = (
+        2000.0 * height,
+        rock.density * (rock.s_speed, rock.p_speed)[direction],
+        (G / 2 / r, 2 * G / r)[direction],
+    )
     U = v = a = 0.0
     history = []
     for step in range(1, 41):
@@ -198,7 +227,7 @@ def test_a_stiff_block_on_springs_and_dashpots_is_an_oscillator(where, direction
     assert np.abs(found - exact).max() < 1e-4 * np.abs(exact).max()
 
 
-# -- loads and supports -------------------------------------------------------------------------------------------
+# -- loads and supports ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -216,8 +245,11 @@ def test_a_dead_load_keeps_its_force_where_the_surface_stretches(dim, rng):
     on, value = markers(grid, rng), np.arange(dim) + 1.0
     force = {DeadLoad: on.area.sum() * value, Traction: 4.0 * on.area.sum() * value}
     scene = dense.bare_scene(grid, STEPPING)
-    terms = [DeadLoad(on, lambda t, x: np.tile(value, (len(x), 1))), DeadLoad(on, tuple(value)),
-             Traction(on, tuple(value))]
+    terms = [
+        DeadLoad(on, lambda t, x: np.tile(value, (len(x), 1))),
+        DeadLoad(on, tuple(value)),
+        Traction(on, tuple(value)),
+    ]
     work = [term.bind(scene).work for term in terms]
     on.area *= 4.0
     scene.prepare(0.0, 1.0)
@@ -227,7 +259,8 @@ def test_a_dead_load_keeps_its_force_where_the_surface_stretches(dim, rng):
 
 
 def test_a_dead_load_keeps_its_force_in_the_next_run(rng):
-    """The area at the start is that of the first run, be the second one built on a surface that has stretched."""
+    """The area at the start is that of the first run, be the second one built on a surface that has
+    stretched."""
     grid = dense.uneven(2)
     on = markers(grid, rng)
     force = on.area.sum() * np.array([1.0, 2.0])
@@ -241,13 +274,18 @@ def test_a_dead_load_keeps_its_force_in_the_next_run(rng):
 
 
 def test_a_dead_load_refuses_what_is_no_load(rng):
-    with pytest.raises(ValueError, match="value of DeadLoad must give 2 finite numbers, got 'heavy'"):
+    with pytest.raises(
+        ValueError, match="value of DeadLoad must give 2 finite numbers, got 'heavy'"
+    ):
         system(dense.uneven(2), DeadLoad(markers(dense.uneven(2), rng), "heavy"))
 
 
 def test_a_dead_load_on_facets_is_a_traction(rng):
     grid = dense.uneven(2)
-    both = [system(grid, kind(grid.facets("top"), lambda t, x: t * x))[0] for kind in (DeadLoad, Traction)]
+    both = [
+        system(grid, kind(grid.facets("top"), lambda t, x: t * x))[0]
+        for kind in (DeadLoad, Traction)
+    ]
     same(*both)
 
 
@@ -260,12 +298,15 @@ def test_gravity_is_the_weight(dim):
     work = Gravity(lambda t: g * t).bind(scene).work
     scene.prepare(1.0, 2.0)
     force = -dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0)
-    np.testing.assert_allclose(force, 3000.0 * g * (grid.upper_corner - grid.lower_corner).prod(), rtol=1e-12)
+    np.testing.assert_allclose(
+        force, 3000.0 * g * (grid.upper_corner - grid.lower_corner).prod(), rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_body_force_of_place_is_the_sum_over_the_points(dim, rng):
-    """A force linear in x, which the nodes hold exactly: its virtual work, and the work that it does."""
+    """A force linear in x, which the nodes hold exactly: its virtual work, and the work that it
+    does."""
     grid = dense.uneven(dim)
     body = dense.random_body(grid, rng)
 
@@ -283,14 +324,18 @@ def test_a_body_force_of_place_is_the_sum_over_the_points(dim, rng):
     same(-R, np.einsum("p,pi,pd->id", body.mass, N, force(0.3 + DT, body.x)).ravel())
     work = dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(done))
     mean = 0.5 * (force(0.3, body.x) + force(0.3 + DT, body.x))
-    assert work == pytest.approx(np.einsum("p,pd,pd->", body.mass, mean, N @ motion.nodal(motion.u)), rel=1e-12)
+    assert work == pytest.approx(
+        np.einsum("p,pd,pd->", body.mass, mean, N @ motion.nodal(motion.u)), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_fixed_holds_its_components_and_no_others(dim, rng):
     grid = dense.uneven(dim)
     body = dense.random_body(grid, rng)
-    run = Simulation(grid, body, Newmark(1e-3), [Fixed(grid.facets("left"), "y"), Fixed(grid.facets("bottom"))])
+    run = Simulation(
+        grid, body, Newmark(1e-3), [Fixed(grid.facets("left"), "y"), Fixed(grid.facets("bottom"))]
+    )
     run.step()
     u, x = run.motion.nodal(run.motion.u), grid.space.tabulate_dof_coordinates()
     left, bottom = (np.abs(x[:, d] - grid.lower_corner[d]) < 1e-12 for d in (0, 1))
@@ -309,51 +354,80 @@ def test_loads_take_their_value_at_the_end_of_the_step(stepping):
         times.append(t)
         return 0.0, 0.0
 
-    run = Simulation(grid, body, stepping, [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), load)])
+    run = Simulation(
+        grid, body, stepping, [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), load)]
+    )
     times.clear()
     run.step()
     run.step()
-    assert times == pytest.approx([0.0] * stepping.dynamic + [stepping.dt, 2 * stepping.dt])  # a₀ is of the start
+    assert times == pytest.approx(
+        [0.0] * stepping.dynamic + [stepping.dt, 2 * stepping.dt]
+    )  # a₀ is of the start
 
 
-# -- supports that meet ---------------------------------------------------------------------------------------------
+# -- supports that meet ----------------------------------------------------------------------------
 
 
 def both_kinds(grid, terms, stepping=STEPPING):
-    return [lambda: Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim), stepping, terms),
-            lambda: FiniteElements(grid, dense.SOIL, stepping, terms)]
+    return [
+        lambda: Simulation(
+            grid, MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim), stepping, terms
+        ),
+        lambda: FiniteElements(grid, dense.SOIL, stepping, terms),
+    ]
 
 
 @pytest.mark.parametrize("dim", [2, 3])
 def test_supports_that_move_a_corner_in_two_ways_are_refused_by_name_and_place(dim):
     grid = dense.uneven(dim)
     left, bottom = grid.facets("left"), grid.facets("bottom")
-    for first, second in ((None, lambda t: 2.0 * t), (lambda t: t, lambda t: 2.0 * t), (lambda t: 2.0 * t, None)):
+    for first, second in (
+        (None, lambda t: 2.0 * t),
+        (lambda t: t, lambda t: 2.0 * t),
+        (lambda t: 2.0 * t, None),
+    ):
         for make in both_kinds(grid, [Fixed(left, "x", first), Fixed(bottom, value=second)]):
-            with pytest.raises(ValueError, match=r"Fixed on left and Fixed on bottom share the node "
-                                                 r"x=\[0\. 0\.( 0\.)?\] in x, and move it by .* from t = 0 to 0\.01"):
+            with pytest.raises(
+                ValueError,
+                match=r"Fixed on left and Fixed on bottom share the node "
+                r"x=\[0\. 0\.( 0\.)?\] in x, and move it by .* from t = 0 to 0\.01",
+            ):
                 make()
 
 
 def test_supports_that_move_what_they_share_alike_are_taken():
     grid = dense.uneven(2)
     sides = [grid.facets(side) for side in ("left", "right", "bottom", "top")]
-    for terms in ([Fixed(sides[0], "x", lambda t: t), Fixed(sides[2], "y", lambda t: 2 * t)],  # other components
-                  [Fixed(sides[0], "x", lambda t: t), Fixed(sides[1], "x")],  # no node in common
-                  [Fixed(sides[0], "x", lambda t: 0.1 * t), Fixed(sides[2], "x", lambda t: t / 10)],
-                  [Fixed(side) for side in sides]):
+    for terms in (
+        [
+            Fixed(sides[0], "x", lambda t: t),
+            Fixed(sides[2], "y", lambda t: 2 * t),
+        ],  # other components
+        [Fixed(sides[0], "x", lambda t: t), Fixed(sides[1], "x")],  # no node in common
+        [Fixed(sides[0], "x", lambda t: 0.1 * t), Fixed(sides[2], "x", lambda t: t / 10)],
+        [Fixed(side) for side in sides],
+    ):
         for make in both_kinds(grid, terms):
             assert len(make().terms) == len(terms)
 
 
 def test_supports_that_part_later_stop_the_run_there():
     grid = dense.uneven(2)
-    terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.255, 0.0))]
+    terms = [
+        Fixed(grid.facets("left"), "x"),
+        Fixed(grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.255, 0.0)),
+    ]
     for make in both_kinds(grid, terms):
         run = make()
         run.until(0.25)
-        with pytest.raises(RunError, match=r"step 26, t = 0\.26: Fixed on left and Fixed on bottom share the node"):
+        with pytest.raises(
+            RunError, match=r"step 26, t = 0\.26: Fixed on left and Fixed on bottom share the node"
+        ):
             run.step()
     with pytest.raises(ValueError, match=r"from t = 0\.5 to 0\.75"):
-        FiniteElements(grid, dense.SOIL, QuasiStatic(4), [terms[0], Fixed(
-            grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.5, 0.0))])
+        FiniteElements(
+            grid,
+            dense.SOIL,
+            QuasiStatic(4),
+            [terms[0], Fixed(grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.5, 0.0))],
+        )

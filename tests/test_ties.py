@@ -1,4 +1,5 @@
-"""Light nodes of cut cells: what ties keep, and that bodies of any shape come to rest and stay there."""
+"""Light nodes of cut cells: what ties keep, and that bodies of any shape come to rest and stay
+there."""
 
 import dense
 import numpy as np
@@ -27,18 +28,23 @@ MAPPINGS = [GIMP, DM_G, DM_GC, DM_GCL]
 
 
 def cut_block(dim, cut, stepping, terms=(), mapping=DM_GC, soil=SOIL, **options):
-    """Three cells each way and ``cut`` of a cell more, with room around, on lines that are not even."""
+    """Three cells each way and ``cut`` of a cell more, with room around, on lines that are not
+    even."""
     lines = np.array([-0.5, -0.25, 0.0, 0.25, 0.55, 0.75, 1.0, 1.25])
     grid = Grid.rectilinear([lines] * dim)
-    body = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: ((x > 0) & (x < 0.75)).all(axis=0))
+    body = MaterialPoints.fill(
+        grid, soil, 2**dim, inside=lambda x: ((x > 0) & (x < 0.75)).all(axis=0)
+    )
     body.x += cut * 0.25
     body.stress[:, 2] = 1e-9  # a body that bears stress is one at rest, to be tied like one
-    run = Simulation(grid, body, stepping, [Gravity((0.0, -9.81, 0.0)[:dim]), *terms], mapping, **options)
+    run = Simulation(
+        grid, body, stepping, [Gravity((0.0, -9.81, 0.0)[:dim]), *terms], mapping, **options
+    )
     run.prepare(0.0, 1e-3)
     return run
 
 
-# -- what ties keep -----------------------------------------------------------------------------------------------
+# -- what ties keep --------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -73,22 +79,31 @@ def test_the_matrix_is_that_of_the_motions_left():
 
 
 def test_where_no_cell_is_cut_there_is_nothing():
-    """No ties, and the matrix of blocks stays; with a term that holds cut cells, or told not to, not even the look."""
+    """No ties, and the matrix of blocks stays; with a term that holds cut cells, or told not to,
+    not even the look."""
     run = cut_block(2, 0.0, Newmark(1e-3))
     assert run.holding.ties.P is None
     run.equilibrium.assemble_tangent()
     assert run.equilibrium.matrix.getType().endswith("baij")
-    for other in (cut_block(2, 0.3, Newmark(1e-3), [GhostPenalty()]),
-                  cut_block(2, 0.3, Newmark(1e-3), hold_cut_cells=False)):
+    for other in (
+        cut_block(2, 0.3, Newmark(1e-3), [GhostPenalty()]),
+        cut_block(2, 0.3, Newmark(1e-3), hold_cut_cells=False),
+    ):
         assert other.holding is None and other.equilibrium.ties is None
 
 
 def test_bodies_of_unlike_density_are_full_alike():
     """A light body beside a heavy one is not taken for a cut one."""
     grid = Grid.box((0, 0), (4, 3), (4, 3))
-    heavy, light = (MaterialPoints.fill(grid, LinearElastic(20e6, 0.25, density), 4,
-                                        inside=lambda x, low=low: (x[0] > low) & (x[0] < low + 2) & (x[1] < 2))
-                    for low, density in ((0, 3000.0), (2, 30.0)))
+    heavy, light = (
+        MaterialPoints.fill(
+            grid,
+            LinearElastic(20e6, 0.25, density),
+            4,
+            inside=lambda x, low=low: (x[0] > low) & (x[0] < low + 2) & (x[1] < 2),
+        )
+        for low, density in ((0, 3000.0), (2, 30.0))
+    )
     light.stress[:, 2] = 1e-9
     run = Simulation(grid, [heavy, light], Newmark(1e-3), [Gravity((0.0, -9.81))])
     run.step()
@@ -108,16 +123,25 @@ def test_a_cut_block_falls_freely():
             assert np.abs(body.stress).max() < 1e-7
 
 
-# -- rest -----------------------------------------------------------------------------------------------------------
+# -- rest ------------------------------------------------------------------------------------------
 
 
-CASES = [("slope", 0.3, DM_GC, SOIL), ("step", 0.15, GIMP, WEAK), ("embankment", 0.15, DM_G, SOIL),
-         ("block", 0.15, DM_GCL, WEAK_BLOCK), ("block", 0.0, DM_GC, SOIL)]
-NAMES = [f"{name}-{offset}-{mapping}-{type(soil).__name__}" for name, offset, mapping, soil in CASES]
+CASES = [
+    ("slope", 0.3, DM_GC, SOIL),
+    ("step", 0.15, GIMP, WEAK),
+    ("embankment", 0.15, DM_G, SOIL),
+    ("block", 0.15, DM_GCL, WEAK_BLOCK),
+    ("block", 0.0, DM_GC, SOIL),
+]
+NAMES = [
+    f"{name}-{offset}-{mapping}-{type(soil).__name__}" for name, offset, mapping, soil in CASES
+]
 
 
 @pytest.mark.parametrize(("name", "offset", "mapping", "soil"), CASES, ids=NAMES)
-def test_any_body_settles_and_nothing_moves_when_its_edges_become_dashpots(name, offset, mapping, soil):
+def test_any_body_settles_and_nothing_moves_when_its_edges_become_dashpots(
+    name, offset, mapping, soil
+):
     """The weight lies on the base to 1e-10; no velocity above 1e-4 gH/c."""
     rest = AtRest(name, offset, mapping, soil)
     assert rest.left <= 1e-10
@@ -134,8 +158,13 @@ def test_left_alone_a_slope_does_not_settle_and_says_where():
     grid = Grid.box((0, 0), (4, 2.5), (16, 10))
     body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] + x[1] < 3) & (x[1] < 2))
     body.x += 0.3 * 0.25
-    run = Simulation(grid, body, QuasiStatic(1), [Gravity((0.0, -9.81)), Fixed(grid.facets("left"), "x"),
-                                                  Fixed(grid.facets("bottom"))], hold_cut_cells=False)
+    run = Simulation(
+        grid,
+        body,
+        QuasiStatic(1),
+        [Gravity((0.0, -9.81)), Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"))],
+        hold_cut_cells=False,
+    )
     run.step()
     with pytest.raises(RunError, match=r"out of balance by .* after 40 steps .* N at the node x="):
         run.settle(steps=40)
@@ -143,7 +172,8 @@ def test_left_alone_a_slope_does_not_settle_and_says_where():
 
 
 def test_the_strict_figure_stays():
-    """With every node on its own a settled body is out of balance where it is cut: 7e-3 of the forces at work."""
+    """With every node on its own a settled body is out of balance where it is cut: 7e-3 of the
+    forces at work."""
     rest = AtRest("block", 0.15, DM_GC)
     assert rest.static.balance()[1] < 1e-10 < 1e-4 < rest.static.equilibrium.strict
 
@@ -152,8 +182,15 @@ def test_dashpots_that_drift_over_a_line_use_ties_and_leave_them():
     grid = Grid.box((0, -1), (1, 3), (4, 16))
     body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[1] > 0) & (x[1] < 2))
     body.velocity = np.tile([0.0, -50.0], (len(body), 1))
-    run = Simulation(grid, body, Newmark(1e-3), [Fixed(grid.facets("left", "right"), "x"),
-                                                 Viscous(body.surface("bottom"), LinearElastic(1e2, 0.0, 1.0))])
+    run = Simulation(
+        grid,
+        body,
+        Newmark(1e-3),
+        [
+            Fixed(grid.facets("left", "right"), "x"),
+            Viscous(body.surface("bottom"), LinearElastic(1e2, 0.0, 1.0)),
+        ],
+    )
     tied = []
     for _ in range(8):
         run.step()

@@ -55,7 +55,10 @@ def test_the_trapezoidal_rule_keeps_an_oscillators_energy(dt):
 @pytest.mark.parametrize("gamma, order", [(0.5, 2), (0.6, 1)])
 def test_order_of_accuracy(gamma, order):
     exact = np.array([np.cos(2.4 * np.pi), -2 * np.pi * np.sin(2.4 * np.pi)])
-    errors = [np.linalg.norm(oscillate(Newmark(1.2 / n, beta=0.31, gamma=gamma), n) - exact) for n in (400, 800)]
+    errors = [
+        np.linalg.norm(oscillate(Newmark(1.2 / n, beta=0.31, gamma=gamma), n) - exact)
+        for n in (400, 800)
+    ]
     assert np.log2(errors[0] / errors[1]) > order - 0.1
 
 
@@ -64,11 +67,18 @@ def test_more_gamma_damps():
     assert x**2 + (v / (2 * np.pi)) ** 2 < 0.1
 
 
-@pytest.mark.parametrize("parameters, name", [
-    ({"dt": 0}, "dt"), ({"dt": -1}, "dt"), ({"dt": np.nan}, "dt"), ({"dt": 1, "beta": 0}, "beta"),
-    ({"dt": 1, "gamma": 0.4}, "gamma=0.4"), ({"dt": 1, "beta": 0.25, "gamma": 0.6}, "beta=0.25"),
-    ({"dt": 1, "gamma": np.inf}, "gamma"),
-])
+@pytest.mark.parametrize(
+    "parameters, name",
+    [
+        ({"dt": 0}, "dt"),
+        ({"dt": -1}, "dt"),
+        ({"dt": np.nan}, "dt"),
+        ({"dt": 1, "beta": 0}, "beta"),
+        ({"dt": 1, "gamma": 0.4}, "gamma=0.4"),
+        ({"dt": 1, "beta": 0.25, "gamma": 0.6}, "beta=0.25"),
+        ({"dt": 1, "gamma": np.inf}, "gamma"),
+    ],
+)
 def test_unstable_or_senseless_steps_are_refused(parameters, name):
     with pytest.raises(ValueError, match=name):
         Newmark(**parameters)

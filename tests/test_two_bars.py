@@ -13,4 +13,9 @@ def test_ten_cells_are_run_and_drawn(tmp_path):
     assert (tmp_path / "two_bars.png").stat().st_size > 10_000
     assert len(json.loads((tmp_path / "two_bars.json").read_text())) == len(rows) == 2
     for row in rows:
-        assert row["middle"] < 0.01 and row["velocity"] < 0.1 and row["momentum"] < 1e-12 and row["pull"] == 0.0
+        assert (
+            row["middle"] < 0.01
+            and row["velocity"] < 0.1
+            and row["momentum"] < 1e-12
+            and row["pull"] == 0.0
+        )

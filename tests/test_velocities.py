@@ -1,4 +1,5 @@
-"""Velocities between points and grid: what the deposit keeps, what it smooths, and both transfers."""
+"""Velocities between points and grid: what the deposit keeps, what it smooths, and both
+transfers."""
 
 from dataclasses import replace
 
@@ -28,7 +29,10 @@ from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 SWEEPS = pytest.mark.parametrize("sweeps", [0, 1, 3])
 METHODS = pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
-PAPER = [replace(mapping, name=f"{mapping}, double-mapped mass", mass=DOUBLE_MAPPED) for mapping in (DM_G, DM_GC)]
+PAPER = [
+    replace(mapping, name=f"{mapping}, double-mapped mass", mass=DOUBLE_MAPPED)
+    for mapping in (DM_G, DM_GC)
+]
 
 
 def deposited(run):
@@ -42,11 +46,16 @@ def deposited(run):
 
 
 def scene(dim, mapping, sweeps, rng):
-    """Two bodies with random points, velocities and accelerations, and a part of the grid without either."""
+    """Two bodies with random points, velocities and accelerations, and a part of the grid without
+    either."""
     grid = dense.uneven(dim)
-    bodies = [dense.random_body(grid, rng, material=material, inside=inside)
-              for material, inside in ((dense.SOIL, lambda x: (x[0] < 0.5) & (x[1] < 0.15)),
-                                       (dense.SOFT, lambda x: (x[0] > 0.5) & (x[1] < 0.15)))]
+    bodies = [
+        dense.random_body(grid, rng, material=material, inside=inside)
+        for material, inside in (
+            (dense.SOIL, lambda x: (x[0] < 0.5) & (x[1] < 0.15)),
+            (dense.SOFT, lambda x: (x[0] > 0.5) & (x[1] < 0.15)),
+        )
+    ]
     return Simulation(grid, bodies, Newmark(1e-3), [], mapping, sweeps=sweeps)
 
 
@@ -60,15 +69,20 @@ def test_a_rigid_translation_stays_one(dim, mapping, sweeps):
     v, a, mass = deposited(run)
     there = mass > 1e-12 * mass.max()
     assert 0 < there.sum() < len(there)
-    np.testing.assert_allclose(v[there], np.tile([2.0, -1.0, 3.0][:dim], (there.sum(), 1)), rtol=1e-9)
-    np.testing.assert_allclose(a[there], np.tile([-5.0, 4.0, 1.0][:dim], (there.sum(), 1)), rtol=1e-9)
+    np.testing.assert_allclose(
+        v[there], np.tile([2.0, -1.0, 3.0][:dim], (there.sum(), 1)), rtol=1e-9
+    )
+    np.testing.assert_allclose(
+        a[there], np.tile([-5.0, 4.0, 1.0][:dim], (there.sum(), 1)), rtol=1e-9
+    )
     np.testing.assert_array_equal(v[mass == 0.0], 0.0)
 
 
 @pytest.mark.parametrize("mapping", [*MAPPINGS, *PAPER], ids=str)
 @DIMS
 def test_sweeps_leave_the_momentum_and_summed_mass_gives_that_of_the_points(dim, mapping):
-    """1ᵀM(2 − M̄⁻¹M) = 1ᵀM.  Double-mapped mass weighs nodes otherwise than the deposit where cells are partly full."""
+    """1ᵀM(2 − M̄⁻¹M) = 1ᵀM.  Double-mapped mass weighs nodes otherwise than the deposit where cells
+    are partly full."""
     found = []
     for sweeps in (0, 1, 3):
         run = scene(dim, mapping, sweeps, np.random.default_rng(1))
@@ -103,12 +117,17 @@ def test_without_sweeps_it_is_momentum_by_mass(mapping):
     for body, stencil in zip(run.bodies, run.stencils, strict=True):
         stencil.deposit(body.mass[:, None] * np.hstack((body.velocity, body.acceleration)), sums)
     there = mass > 0.0
-    np.testing.assert_allclose(np.hstack((v, a))[there], sums[there] / mass[there, None], rtol=1e-12)
+    np.testing.assert_allclose(
+        np.hstack((v, a))[there], sums[there] / mass[there, None], rtol=1e-12
+    )
 
 
 @SWEEPS
-def test_a_linear_field_comes_back_where_the_points_around_a_node_are_even_and_not_at_the_edge(sweeps):
-    """Each sweep reaches one node further: what the edge of the body spoils is one row, and one more a sweep."""
+def test_a_linear_field_comes_back_where_the_points_around_a_node_are_even_and_not_at_the_edge(
+    sweeps,
+):
+    """Each sweep reaches one node further: what the edge of the body spoils is one row, and one
+    more a sweep."""
     grid = Grid.box((0, 0), (10, 10), (10, 10))
     body = MaterialPoints.fill(grid, dense.SOIL, 9)
     A = np.array([[1.0, -2.0], [0.5, 3.0]])
@@ -127,7 +146,9 @@ def roundtrip(mapping, sweeps, jitter):
     body = MaterialPoints.fill(grid, dense.SOIL, 16, jitter=jitter)
     run = Simulation(grid, body, Newmark(1e-3), [], mapping, sweeps=sweeps)
     run.locate()
-    wave = np.cos(2 * np.pi / 8 * grid.space.tabulate_dof_coordinates()[:, :1]) * np.array([[1.0, 0.0]])
+    wave = np.cos(2 * np.pi / 8 * grid.space.tabulate_dof_coordinates()[:, :1]) * np.array(
+        [[1.0, 0.0]]
+    )
     body.velocity[:] = run.stencils[0].at_points(wave)
     return np.abs(deposited(run)[0] - wave).max()
 
@@ -139,14 +160,15 @@ def test_one_sweep_takes_most_of_the_smoothing_out(mapping, jitter):
 
 
 def test_each_sweep_takes_the_same_share_out():
-    """Even points, linear shape functions: the wave is an eigenvector of M̄⁻¹M with 1 - e, and e^(k+1) is left."""
+    """Even points, linear shape functions: the wave is an eigenvector of M̄⁻¹M with 1 - e, and
+    e^(k+1) is left."""
     e = roundtrip(MPM, 0, 0.0)
     assert e == pytest.approx((1 - np.cos(np.pi / 4)) / 3, rel=0.05)
     for sweeps in (1, 2, 4):
         assert roundtrip(MPM, sweeps, 0.0) == pytest.approx(e ** (sweeps + 1), rel=1e-6)
 
 
-# -- transfers ------------------------------------------------------------------------------------------------------
+# -- transfers -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("transfer", [trapezoidal, flip])
@@ -163,16 +185,21 @@ def test_a_transfer_is_exact_for_a_constant_acceleration(transfer):
 
 
 def test_transfers_by_their_formulae():
-    """Random fields: FLIP adds the change of the grid's velocity, the other one Newmark's mean of two accelerations."""
+    """Random fields: FLIP adds the change of the grid's velocity, the other one Newmark's mean of
+    two accelerations."""
     rng = np.random.default_rng(4)
     weights = rng.dirichlet(np.ones(6), size=9)
     before, after = tuple(rng.normal(size=(2, 6, 3))), tuple(rng.normal(size=(2, 6, 3)))
     v, a = rng.normal(size=(2, 9, 3))
     for transfer in (flip, trapezoidal):
         new = v.copy(), a.copy()
-        transfer(*new, lambda nodal: weights @ nodal, before, after, Newmark(0.2, beta=0.35, gamma=0.7))
+        transfer(
+            *new, lambda nodal: weights @ nodal, before, after, Newmark(0.2, beta=0.35, gamma=0.7)
+        )
         change = after[0] - before[0] if transfer is flip else None
-        exact = v + (weights @ change if transfer is flip else 0.06 * a + 0.14 * (weights @ after[1]))
+        exact = v + (
+            weights @ change if transfer is flip else 0.06 * a + 0.14 * (weights @ after[1])
+        )
         np.testing.assert_allclose(new[0], exact, rtol=1e-13)
         np.testing.assert_allclose(new[1], weights @ after[1], rtol=1e-13)
 
@@ -180,28 +207,53 @@ def test_transfers_by_their_formulae():
 @SWEEPS
 @pytest.mark.parametrize("transfer", [trapezoidal, flip])
 @pytest.mark.parametrize("mapping", [MPM, DM_GC], ids=str)
-def test_a_body_that_falls_with_constant_acceleration_is_where_it_should_be(mapping, transfer, sweeps):
-    grid, g, dt = Grid.rectilinear([np.array([0, 0.4, 0.9, 1.5, 2.0])] * 2), np.array([4.0, 2.0]), 0.05
-    body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.4, inside=lambda x: ((x > 0.4) & (x < 1.0)).all(axis=0))
+def test_a_body_that_falls_with_constant_acceleration_is_where_it_should_be(
+    mapping, transfer, sweeps
+):
+    grid, g, dt = (
+        Grid.rectilinear([np.array([0, 0.4, 0.9, 1.5, 2.0])] * 2),
+        np.array([4.0, 2.0]),
+        0.05,
+    )
+    body = MaterialPoints.fill(
+        grid, dense.SOIL, 4, jitter=0.4, inside=lambda x: ((x > 0.4) & (x < 1.0)).all(axis=0)
+    )
     body.acceleration = np.tile(g, (len(body), 1))
     start = body.x.copy()
-    run = Simulation(grid, body, Newmark(dt), [Gravity(tuple(g))], mapping, transfer=transfer, sweeps=sweeps,
-                     solver=plastic.DIRECT)
+    run = Simulation(
+        grid,
+        body,
+        Newmark(dt),
+        [Gravity(tuple(g))],
+        mapping,
+        transfer=transfer,
+        sweeps=sweeps,
+        solver=plastic.DIRECT,
+    )
     run.until(8 * dt)
     np.testing.assert_allclose(body.velocity, np.tile(8 * dt * g, (len(body), 1)), rtol=1e-8)
-    np.testing.assert_allclose(body.x - start, np.tile((8 * dt) ** 2 / 2 * g, (len(body), 1)), rtol=1e-8)
+    np.testing.assert_allclose(
+        body.x - start, np.tile((8 * dt) ** 2 / 2 * g, (len(body), 1)), rtol=1e-8
+    )
 
 
 def test_sweeps_are_paid_for_only_where_they_are_asked_for(monkeypatch):
     compiled = []
     compile_form = dolfinx_versions.compile_form
-    monkeypatch.setattr(dolfinx_versions, "compile_form", lambda form: (compiled.append(1), compile_form(form))[1])
+    monkeypatch.setattr(
+        dolfinx_versions, "compile_form", lambda form: (compiled.append(1), compile_form(form))[1]
+    )
     counts = []
     for sweeps in (0, 2):
         compiled.clear()
         grid = dense.uneven(2)
-        run = Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [Fixed(grid.facets("bottom"))],
-                         sweeps=sweeps)
+        run = Simulation(
+            grid,
+            MaterialPoints.fill(grid, dense.SOIL, 4),
+            Newmark(1e-3),
+            [Fixed(grid.facets("bottom"))],
+            sweeps=sweeps,
+        )
         counts.append(len(compiled))
         assert hasattr(run.deposit, "_smooth") is bool(sweeps)
     assert counts[1] == counts[0] + 1

@@ -1,4 +1,5 @@
-"""Von Mises with linear softening: the return map, its tangent and its energy, against independent answers."""
+"""Von Mises with linear softening: the return map, its tangent and its energy, against independent
+answers."""
 
 import math
 
@@ -36,10 +37,15 @@ def q_of(stress):
 
 
 def states(branch, count, n=40, seed=0):
-    """Random points inside or on the yield surface, and increments that make them flow on ``branch``."""
+    """Random points inside or on the yield surface, and increments that make them flow on
+    ``branch``."""
     rng = np.random.default_rng(seed)
-    kappa = {"softening": rng.uniform(0, 0.3 * CORNER, n), "residual": rng.uniform(1.1, 3, n) * CORNER,
-             "corner": np.full(n, CORNER), "across": rng.uniform(0.9, 0.99, n) * CORNER}[branch]
+    kappa = {
+        "softening": rng.uniform(0, 0.3 * CORNER, n),
+        "residual": rng.uniform(1.1, 3, n) * CORNER,
+        "corner": np.full(n, CORNER),
+        "across": rng.uniform(0.9, 0.99, n) * CORNER,
+    }[branch]
     stress = deviator(rng.normal(size=(n, count)))
     stress *= (rng.uniform(0.2, 1, n) * ROOT3 * cohesion(kappa) / q_of(stress))[:, None]
     stress[:, :3] += rng.uniform(-50e3, 50e3, (n, 1))
@@ -51,8 +57,11 @@ def states(branch, count, n=40, seed=0):
         low, high = 0.0, 1.0
         for _ in range(60):
             mid = 0.5 * (low + high)
-            low, high = (mid, high) if q_of(SOIL.update(mid * strain[p:p + 1], stress[p:p + 1]))[0] < target[p] else (
-                low, mid)
+            low, high = (
+                (mid, high)
+                if q_of(SOIL.update(mid * strain[p : p + 1], stress[p : p + 1]))[0] < target[p]
+                else (low, mid)
+            )
         strain[p] *= high
     return strain, stress, kappa[:, None]
 
@@ -73,7 +82,10 @@ def reference(strain, stress, kappa, soft):
 
 def derivative(strain, stress, kappa, soft):
     """∂σ/∂ε by the complex step."""
-    columns = [reference(strain + 1e-30j * unit, stress, kappa, soft)[0].imag / 1e-30 for unit in np.eye(len(strain))]
+    columns = [
+        reference(strain + 1e-30j * unit, stress, kappa, soft)[0].imag / 1e-30
+        for unit in np.eye(len(strain))
+    ]
     return np.array(columns).T
 
 
@@ -84,7 +96,9 @@ def test_elastic_below_yield():
     new, after, tangent = LAW.tangent(small, stress, history)
     np.testing.assert_allclose(new, SOIL.update(small, stress), rtol=1e-13, atol=1e-9)
     np.testing.assert_array_equal(after, history)
-    np.testing.assert_allclose(tangent, SOIL.tangent(small, stress, history)[2], rtol=1e-14, atol=1e-9)
+    np.testing.assert_allclose(
+        tangent, SOIL.tangent(small, stress, history)[2], rtol=1e-14, atol=1e-9
+    )
     np.testing.assert_array_equal(LAW.dissipation(history, after), 0.0)
 
 
@@ -112,7 +126,10 @@ def test_tangent_is_the_derivative_of_the_return_map(branch, count):
     step = 1e-7
     for k in range(count):
         move = step * np.eye(count)[k]
-        central = (LAW.respond(strain + move, stress, history)[0] - LAW.respond(strain - move, stress, history)[0])
+        central = (
+            LAW.respond(strain + move, stress, history)[0]
+            - LAW.respond(strain - move, stress, history)[0]
+        )
         np.testing.assert_allclose(tangent[:, :, k], central / (2 * step), rtol=0, atol=1e-7 * G)
     for p in range(len(strain)):
         exact = derivative(strain[p], stress[p], history[p, 0], branch == "softening")
@@ -120,7 +137,8 @@ def test_tangent_is_the_derivative_of_the_return_map(branch, count):
 
 
 def test_landing_on_the_corner():
-    """Where c reaches residual at the end of the increment the tangent is one of its two one-sided limits."""
+    """Where c reaches residual at the end of the increment the tangent is one of its two one-sided
+    limits."""
     strain, stress, history = np.zeros((1, 6)), np.zeros((1, 6)), np.array([[0.5 * CORNER]])
     strain[0, 3] = (ROOT3 * LAW.residual + 3 * G * 0.5 * CORNER) / ROOT3 / G
     new, after, tangent = LAW.tangent(strain, stress, history)
@@ -141,13 +159,17 @@ def test_return_map_solves_the_backward_euler_equations(branch, count):
         def residual(x, p=p):
             s, dκ = 1e4 * x[:-1], 1e-2 * x[-1]
             plastic = 1.5 * dκ * deviator(s) / q_of(s) * inner
-            elastic = SOIL.update((strain[p] - plastic)[None], stress[p:p + 1])[0]
-            return np.r_[(s - elastic) / 1e4, (q_of(s) - ROOT3 * cohesion(history[p, 0] + dκ)) / 1e4]
+            elastic = SOIL.update((strain[p] - plastic)[None], stress[p : p + 1])[0]
+            return np.r_[
+                (s - elastic) / 1e4, (q_of(s) - ROOT3 * cohesion(history[p, 0] + dκ)) / 1e4
+            ]
 
-        start = SOIL.update(strain[p:p + 1], stress[p:p + 1])[0]
+        start = SOIL.update(strain[p : p + 1], stress[p : p + 1])[0]
         found = root(residual, np.r_[start / 1e4, 0.0], tol=1e-14)
         assert np.abs(found.fun).max() < 1e-11
-        np.testing.assert_allclose(new[p], 1e4 * found.x[:-1], rtol=0, atol=1e-10 * np.abs(new[p]).max())
+        np.testing.assert_allclose(
+            new[p], 1e4 * found.x[:-1], rtol=0, atol=1e-10 * np.abs(new[p]).max()
+        )
         assert after[p, 0] == pytest.approx(history[p, 0] + 1e-2 * found.x[-1], rel=1e-10)
 
 
@@ -177,7 +199,8 @@ def test_simple_shear_follows_the_exact_curve(count):
 
 
 def test_uniaxial_stress_follows_the_exact_curve():
-    """ε = σ/E + κ along the bar, -ν σ/E - κ/2 across it: q falls by √3 h E / (E - √3 h) per strain."""
+    """ε = σ/E + κ along the bar, -ν σ/E - κ/2 across it: q falls by √3 h E / (E - √3 h) per
+    strain."""
     E, ν = SOIL.young, SOIL.poisson
     kappa = np.linspace(0, 2 * CORNER, 301)
     σ = ROOT3 * cohesion(kappa)
@@ -189,7 +212,9 @@ def test_uniaxial_stress_follows_the_exact_curve():
     np.testing.assert_allclose(stress[:, 1:], 0.0, atol=1e-8 * LAW.peak)
     np.testing.assert_allclose(found, kappa, rtol=1e-9, atol=1e-13)
     slope = (stress[100, 0] - stress[0, 0]) / (strains[100, 0] - strains[0, 0])
-    assert slope == pytest.approx(-ROOT3 * LAW.softening * E / (E - ROOT3 * LAW.softening), rel=1e-9)
+    assert slope == pytest.approx(
+        -ROOT3 * LAW.softening * E / (E - ROOT3 * LAW.softening), rel=1e-9
+    )
 
 
 @pytest.mark.parametrize("branch", BRANCHES)
@@ -213,7 +238,10 @@ def rotate(rows, Q, shear):
     for k, (i, j) in enumerate(tensors.SHEAR[3]):
         full[:, i, j] = full[:, j, i] = rows[:, 3 + k] / shear
     full = Q @ full @ Q.T
-    return np.stack([full[:, i, i] for i in range(3)] + [shear * full[:, i, j] for i, j in tensors.SHEAR[3]], axis=1)
+    return np.stack(
+        [full[:, i, i] for i in range(3)] + [shear * full[:, i, j] for i, j in tensors.SHEAR[3]],
+        axis=1,
+    )
 
 
 @pytest.mark.parametrize("branch", BRANCHES)
@@ -245,13 +273,21 @@ def test_work_of_one_increment(branch, count):
     plastic = LAW.dissipation(history, after)
     stored = LAW.energy(new) - LAW.energy(stress) + LAW.energy(new - stress)
     np.testing.assert_allclose(stored + plastic, work, rtol=0, atol=1e-12 * LAW.energy(new).max())
-    flow = 1.5 * (after - history) * deviator(new) / q_of(new)[:, None] * np.r_[np.ones(3), 2 * np.ones(count - 3)]
+    flow = (
+        1.5
+        * (after - history)
+        * deviator(new)
+        / q_of(new)[:, None]
+        * np.r_[np.ones(3), 2 * np.ones(count - 3)]
+    )
     np.testing.assert_allclose(plastic, (new * flow).sum(axis=1), rtol=1e-11)
     assert (plastic > 0).all()
 
 
 def test_energy_is_balanced_to_first_order():
-    """On a path that turns, ∫ σ:dε (trapezoidal) less stored and dissipated energy halves with the increment."""
+    """On a path that turns, ∫ σ:dε (trapezoidal) less stored and dissipated energy halves with the
+    increment."""
+
     def gap(steps):
         t = np.linspace(0, 1, steps + 1)[:, None]
         turn = np.array([0.02, -0.03, 0.01, 0.05, 0.0, -0.02])
@@ -305,10 +341,14 @@ def test_size_acts_point_by_point_and_only_with_a_length():
     together = scaled.tangent(strain, stress, history, size)
     for p, d in enumerate(size):
         own = VonMises(SOIL, 10e3, 4e3, 30e3 * d)
-        single = own.tangent(strain[p:p + 1], stress[p:p + 1], history[p:p + 1])
+        single = own.tangent(strain[p : p + 1], stress[p : p + 1], history[p : p + 1])
         for one, many in zip(single, together, strict=True):
             np.testing.assert_allclose(many[p], one[0], rtol=1e-12, atol=1e-9)
-    for got, same in zip(LAW.respond(strain, stress, history, size), LAW.respond(strain, stress, history), strict=True):
+    for got, same in zip(
+        LAW.respond(strain, stress, history, size),
+        LAW.respond(strain, stress, history),
+        strict=True,
+    ):
         np.testing.assert_array_equal(got, same)
     with pytest.raises(ValueError, match=r"size is required.*2\.0"):
         scaled.respond(strain, stress, history)
@@ -328,7 +368,9 @@ def test_batch_equals_single_points(branch, count):
     out, tangent = np.empty(count), np.empty((count, count))
     for p in range(len(strain)):
         kappa = tangent_point(strain[p], stress[p], history[p, 0], *parameters, out, tangent)
-        for got, row in zip((out, kappa, tangent), (batch[0][p], batch[1][p, 0], batch[2][p]), strict=True):
+        for got, row in zip(
+            (out, kappa, tangent), (batch[0][p], batch[1][p, 0], batch[2][p]), strict=True
+        ):
             np.testing.assert_array_equal(got, row)
         same = stress[p].copy()
         assert respond_point(strain[p], same, history[p, 0], *parameters, same) == kappa
@@ -344,7 +386,9 @@ def test_law_can_be_called_from_a_compiled_loop():
         return kappa
 
     stress = np.zeros(4)
-    kappa = shear(400, *LAW.lame, LAW.peak, LAW.residual, LAW.softening, np.array([0, 0, 0, 1e-3]), stress)
+    kappa = shear(
+        400, *LAW.lame, LAW.peak, LAW.residual, LAW.softening, np.array([0, 0, 0, 1e-3]), stress
+    )
     assert stress[3] == pytest.approx(LAW.residual, rel=1e-12)
     assert kappa == pytest.approx((0.4 - LAW.residual / G) / ROOT3, rel=1e-10)
 
@@ -361,7 +405,9 @@ def test_point_at_rest_on_the_yield_surface_stays_as_it_is():
 def test_perfect_plasticity_and_a_residual_of_zero():
     strain, stress, history = states("residual", 6)
     perfect = VonMises(SOIL, 4e3, 4e3, 0.0)
-    for got, exact in zip(perfect.tangent(strain, stress, history), LAW.tangent(strain, stress, history), strict=True):
+    for got, exact in zip(
+        perfect.tangent(strain, stress, history), LAW.tangent(strain, stress, history), strict=True
+    ):
         np.testing.assert_allclose(got, exact, rtol=1e-12, atol=1e-9)
     fluid = VonMises(SOIL, 4e3, 0.0, 60e3)
     new, after, tangent = fluid.tangent(strain, stress, history)
@@ -379,30 +425,43 @@ def test_no_points_are_no_trouble():
 
 def test_both_laws_answer_to_the_same_names():
     assert SOIL.history == () and LAW.history == ("plastic_strain",)
-    assert (LAW.density, LAW.lame, LAW.young, LAW.poisson) == (SOIL.density, SOIL.lame, SOIL.young, SOIL.poisson)
+    assert (LAW.density, LAW.lame, LAW.young, LAW.poisson) == (
+        SOIL.density,
+        SOIL.lame,
+        SOIL.young,
+        SOIL.poisson,
+    )
     assert (LAW.p_speed, LAW.s_speed) == (SOIL.p_speed, SOIL.s_speed)
     strain, stress, _ = states("softening", 4)
     none = np.zeros((len(strain), 0))
     new, after, tangent = SOIL.tangent(strain, stress, none)
     np.testing.assert_array_equal(new, SOIL.respond(strain, stress, none)[0])
-    np.testing.assert_allclose(new, stress + np.einsum("pij,pj->pi", tangent, strain), rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(
+        new, stress + np.einsum("pij,pj->pi", tangent, strain), rtol=1e-12, atol=1e-9
+    )
     assert after.shape == none.shape
     assert (SOIL.strength(none) == np.inf).all() and (SOIL.dissipation(none, after) == 0).all()
     assert LAW.strength(np.zeros((1, 1)))[0] == pytest.approx(17.32e3, rel=1e-4)
 
 
-@pytest.mark.parametrize(("change", "message"), [
-    ({"elastic": 1.0}, "elastic .* 1.0"),
-    ({"peak": 0.0}, "peak must be positive, got 0.0"),
-    ({"peak": math.nan}, "peak must be finite, got nan"),
-    ({"residual": -1.0}, "residual must not be negative, got -1.0"),
-    ({"residual": 11e3}, "residual must not exceed peak = 10000.0, got 11000.0"),
-    ({"softening": -5.0}, "softening must not be negative, got -5.0"),
-    ({"softening": math.inf}, "softening must be finite, got inf"),
-    ({"softening": "soft"}, "softening must be a number, got 'soft'"),
-    ({"softening": 1.001 * ROOT3 * G}, f"softening must stay below .*snaps back, got {1.001 * ROOT3 * G}"),
-    ({"length": 0.0}, "length must be positive, got 0.0"),
-])
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"elastic": 1.0}, "elastic .* 1.0"),
+        ({"peak": 0.0}, "peak must be positive, got 0.0"),
+        ({"peak": math.nan}, "peak must be finite, got nan"),
+        ({"residual": -1.0}, "residual must not be negative, got -1.0"),
+        ({"residual": 11e3}, "residual must not exceed peak = 10000.0, got 11000.0"),
+        ({"softening": -5.0}, "softening must not be negative, got -5.0"),
+        ({"softening": math.inf}, "softening must be finite, got inf"),
+        ({"softening": "soft"}, "softening must be a number, got 'soft'"),
+        (
+            {"softening": 1.001 * ROOT3 * G},
+            f"softening must stay below .*snaps back, got {1.001 * ROOT3 * G}",
+        ),
+        ({"length": 0.0}, "length must be positive, got 0.0"),
+    ],
+)
 def test_refusals(change, message):
     with pytest.raises(ValueError, match=message):
         VonMises(**{"elastic": SOIL, "peak": 10e3, "residual": 4e3, "softening": 60e3, **change})
@@ -412,7 +471,9 @@ def test_just_below_snap_back_there_is_still_one_root():
     steep = VonMises(SOIL, 10e3, 4e3, 0.999 * ROOT3 * G)
     strain = np.array([[0, 0, 0, 1.0001 * steep.peak / G]])
     new, after = steep.respond(strain, np.zeros((1, 4)), np.zeros((1, 1)))
-    assert tensors.von_mises(new)[0] == pytest.approx(ROOT3 * cohesion(after[0, 0], steep), rel=1e-12)
+    assert tensors.von_mises(new)[0] == pytest.approx(
+        ROOT3 * cohesion(after[0, 0], steep), rel=1e-12
+    )
 
 
 def test_shapes_are_checked_before_compiled_loops_run():
@@ -423,5 +484,7 @@ def test_shapes_are_checked_before_compiled_loops_run():
         LAW.respond(strain, stress, np.zeros((5, 2)))
     with pytest.raises(ValueError, match=r"strain must have shape .*got \(5, 3\)"):
         LAW.respond(strain[:, :3], stress[:, :3], history)
-    with pytest.raises(ValueError, match=r"size must be a number or have shape \(5,\), got shape \(3,\)"):
+    with pytest.raises(
+        ValueError, match=r"size must be a number or have shape \(5,\), got shape \(3,\)"
+    ):
         VonMises(SOIL, 10e3, 4e3, 60e3, length=1.0).respond(strain, stress, history, np.ones(3))

@@ -1,4 +1,5 @@
-"""Yielding: its weights, its response and its derivative by hand and by differences, and against finite elements."""
+"""Yielding: its weights, its response and its derivative by hand and by differences, and against
+finite elements."""
 
 import json
 import subprocess
@@ -38,19 +39,22 @@ def name(kind):
     return "FE" if kind is None else str(kind)
 
 
-# -- weights --------------------------------------------------------------------------------------------------------
+# -- weights ---------------------------------------------------------------------------------------
 
 
 def weights_by_hand(grid, body, support):
-    """Σ_i N_i(x_g) S*_ip W_p / m_i (points, Gauss points): S*_ip the part of S_ip that lies in the cell of g, m_i the
-    integral of N_i over that cell."""
+    """Σ_i N_i(x_g) S*_ip W_p / m_i (points, Gauss points): S*_ip the part of S_ip that lies in the
+    cell of g, m_i the integral of N_i over that cell."""
     lat, dim = grid.lattice, grid.dim
     digit = np.stack(np.meshgrid(*[np.arange(2)] * dim, indexing="ij"), -1).reshape(-1, dim)
     gauss = 0.5 + (digit - 0.5) / np.sqrt(3)
     cell = grid.find(body.x)
     h_of = (lat.upper - lat.lower)[cell]
     half = np.minimum(body.half, h_of / 2)
-    low, high = np.maximum(body.x - half, grid.lower_corner), np.minimum(body.x + half, grid.upper_corner)
+    low, high = (
+        np.maximum(body.x - half, grid.lower_corner),
+        np.minimum(body.x + half, grid.upper_corner),
+    )
     out = {}
     for c in range(grid.cells):
         h = lat.upper[c] - lat.lower[c]
@@ -78,14 +82,19 @@ def pairs(run):
     """Weights of a run's first body by point, cell and digit."""
     point, gauss, weight = run.yielding._pairs[0]
     n, digit = 2**run.grid.dim, run.yielding.gauss.digit
-    return {(p, g // n, tuple(digit[g // n, g % n])): w for p, g, w in zip(point, gauss, weight, strict=True)}
+    return {
+        (p, g // n, tuple(digit[g // n, g % n])): w
+        for p, g, w in zip(point, gauss, weight, strict=True)
+    }
 
 
 @pytest.mark.parametrize("mapping", [DM, DM_GC], ids=str)
 @DIMS
 def test_weights_are_the_double_mapping(dim, mapping):
     grid = dense.uneven(dim)
-    body = dense.random_body(grid, np.random.default_rng(0), material=LAW, inside=lambda x: x[0] + x[1] < 1.2)
+    body = dense.random_body(
+        grid, np.random.default_rng(0), material=LAW, inside=lambda x: x[0] + x[1] < 1.2
+    )
     run = plastic.prepared(Simulation(grid, body, Newmark(1e-3), [], mapping))
     found, exact = pairs(run), weights_by_hand(grid, body, mapping.support)
     assert set(found) <= set(exact)
@@ -94,15 +103,18 @@ def test_weights_are_the_double_mapping(dim, mapping):
     volume = run.yielding.gauss.volume
     point, gauss, weight = run.yielding._pairs[0]
     each = np.bincount(point, weight * volume[gauss], minlength=len(body))
-    np.testing.assert_allclose(each, body.volume, rtol=1e-12)  # nothing of a point is lost, wherever it lies
+    np.testing.assert_allclose(
+        each, body.volume, rtol=1e-12
+    )  # nothing of a point is lost, wherever it lies
 
 
-# -- the response ---------------------------------------------------------------------------------------------------
+# -- the response ----------------------------------------------------------------------------------
 
 
 @DIMS
 def test_uniform_points_that_fill_the_grid_answer_like_the_law_at_the_gauss_points(dim):
-    """Any displacement, any support domains without gaps: the double mapping of one state is that state."""
+    """Any displacement, any support domains without gaps: the double mapping of one state is that
+    state."""
     rng, grid = np.random.default_rng(5), dense.uneven(dim)
     body = dense.tiles(grid, rng, material=LAW)
     state, history = np.zeros((1, tensors.components(dim))), np.zeros((1, 1))
@@ -121,7 +133,9 @@ def test_uniform_points_that_fill_the_grid_answer_like_the_law_at_the_gauss_poin
     i, j = np.triu_indices(len(plane))
     soft = (law[2] - ELASTIC.tangent(strain, 0 * strain, None)[2])[:, plane[i], plane[j]]
     assert (law[1] > history[0, 0]).mean() > 0.3
-    np.testing.assert_allclose(points.yielding.stress.rows, beyond, atol=1e-12 * np.abs(beyond).max())
+    np.testing.assert_allclose(
+        points.yielding.stress.rows, beyond, atol=1e-12 * np.abs(beyond).max()
+    )
     np.testing.assert_allclose(points.yielding.tangent.rows, soft, atol=1e-12 * np.abs(soft).max())
     twin.motion.u.x.array[:] = u
     twin.yielding.state[:], twin.yielding.history[:] = state, history
@@ -137,8 +151,14 @@ def test_the_first_plastic_step_of_a_full_grid_is_that_of_finite_elements(dim, m
     found = []
     for kind in (mapping, None):
         grid = dense.uneven(dim)
-        body = dense.tiles(grid, rng, material=LAW) if mapping.support else MaterialPoints.fill(grid, LAW, 2**dim)
-        run = plastic.run_of(kind, grid, QuasiStatic(1), plastic.loads(grid), body, newton=STIFFLY, solver=DIRECT)
+        body = (
+            dense.tiles(grid, rng, material=LAW)
+            if mapping.support
+            else MaterialPoints.fill(grid, LAW, 2**dim)
+        )
+        run = plastic.run_of(
+            kind, grid, QuasiStatic(1), plastic.loads(grid), body, newton=STIFFLY, solver=DIRECT
+        )
         run.step()
         assert run.yielding.active
         assert run.equilibrium.solves > 2
@@ -146,19 +166,24 @@ def test_the_first_plastic_step_of_a_full_grid_is_that_of_finite_elements(dim, m
     np.testing.assert_allclose(found[0], found[1], atol=1e-9 * np.abs(found[1]).max())
 
 
-# -- the derivative -------------------------------------------------------------------------------------------------
+# -- the derivative --------------------------------------------------------------------------------
 
 
 def at_unrest(kind, grid, seed=7, half=1.0):
-    """A run with random states and a random displacement under which much yields; all arrays ready."""
+    """A run with random states and a random displacement under which much yields; all arrays
+    ready."""
     rng = np.random.default_rng(seed)
     if kind is None:
         run = FiniteElements(grid, LAW, Newmark(0.1), [], newton=STIFFLY)
         plastic.unrest(rng, run.yielding.state, run.yielding.history)
-        run.yielding._elastic[:] = run.yielding.state + 1e3 * rng.normal(size=run.yielding.state.shape)
+        run.yielding._elastic[:] = run.yielding.state + 1e3 * rng.normal(
+            size=run.yielding.state.shape
+        )
     else:
-        bodies = [MaterialPoints.fill(grid, law, 2**grid.dim, jitter=0.4, seed=seed, inside=inside)
-                  for law, inside in ((LAW, lambda x: x[0] < 0.5), (ELASTIC, lambda x: x[0] > 0.5))]
+        bodies = [
+            MaterialPoints.fill(grid, law, 2**grid.dim, jitter=0.4, seed=seed, inside=inside)
+            for law, inside in ((LAW, lambda x: x[0] < 0.5), (ELASTIC, lambda x: x[0] > 0.5))
+        ]
         plastic.unrest(rng, bodies[0].stress, bodies[0].history)
         for body in bodies:
             body.half *= half
@@ -185,7 +210,9 @@ def test_tangent_rows_are_the_derivative_of_stress_rows(dim, kind):
     full = np.zeros((len(tangent), size, size))
     i, j = np.triu_indices(size)
     full[:, i, j] = full[:, j, i] = tangent
-    exact = np.einsum("gij,gj->gi", full, law.gauss.strain(way.reshape(-1, dim))[:, tensors.in_plane(dim)])
+    exact = np.einsum(
+        "gij,gj->gi", full, law.gauss.strain(way.reshape(-1, dim))[:, tensors.in_plane(dim)]
+    )
     np.testing.assert_allclose((rows[0] - rows[1]) / 2e-9, exact, atol=1e-5 * np.abs(exact).max())
 
 
@@ -225,12 +252,17 @@ def test_the_matrix_is_the_derivative_of_the_residual(kind):
 
 @pytest.mark.parametrize("kind", [None, MPM, DM_GC], ids=name)
 def test_the_matrix_is_the_derivative_of_the_residual_in_3d(kind):
-    assert mismatch(at_unrest(kind, Grid.rectilinear([np.array([0.0, 0.4, 1.0]), [0.0, 0.7], [0.0, 0.5]]))) < 1e-5
+    assert (
+        mismatch(
+            at_unrest(kind, Grid.rectilinear([np.array([0.0, 0.4, 1.0]), [0.0, 0.7], [0.0, 0.5]]))
+        )
+        < 1e-5
+    )
 
 
 def test_support_domains_make_the_matrix_of_gimp_nearly_the_derivative():
-    """∇S∇S of the residual's derivative is a product of means, ∇N∇N of the matrix the mean of the product: the
-    difference goes with the square of small support domains."""
+    """∇S∇S of the residual's derivative is a product of means, ∇N∇N of the matrix the mean of the
+    product: the difference goes with the square of small support domains."""
     gaps = [mismatch(at_unrest(GIMP, dense.uneven(2), half=half)) for half in (1.0, 0.04, 0.02)]
     assert 1e-3 < gaps[0] < 0.5
     assert np.log2(gaps[1] / gaps[2]) > 1.9
@@ -241,7 +273,7 @@ def test_the_matrix_of_cmpm_is_not_the_derivative():
     assert mismatch(at_unrest(CMPM, dense.uneven(2))) > 1e-2
 
 
-# -- where nothing yields ---------------------------------------------------------------------------------------------
+# -- where nothing yields --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", [None, MPM, GIMP, DM_G, DM_GC], ids=name)
@@ -257,18 +289,24 @@ def test_far_below_yield_it_is_the_elastic_scene(kind):
     assert elastic.yielding is None
     assert not law.yielding.active
     if kind is None:
-        np.testing.assert_allclose(law.displacement.x.array, elastic.displacement.x.array, rtol=1e-12, atol=0)
+        np.testing.assert_allclose(
+            law.displacement.x.array, elastic.displacement.x.array, rtol=1e-12, atol=0
+        )
         stress = elastic.stress(np.arange(9))
-        np.testing.assert_allclose(law.stress(np.arange(9)), stress, atol=1e-12 * np.abs(stress).max())
+        np.testing.assert_allclose(
+            law.stress(np.arange(9)), stress, atol=1e-12 * np.abs(stress).max()
+        )
     else:
         for field in ("x", "velocity", "acceleration", "stress", "volume"):
             exact = getattr(elastic.bodies[0], field)
-            np.testing.assert_allclose(getattr(law.bodies[0], field), exact, atol=1e-12 * np.abs(exact).max())
+            np.testing.assert_allclose(
+                getattr(law.bodies[0], field), exact, atol=1e-12 * np.abs(exact).max()
+            )
         assert elastic.bodies[0].history is None
         np.testing.assert_array_equal(law.bodies[0].history, 0.0)
 
 
-# -- Newton on real scenes --------------------------------------------------------------------------------------------
+# -- Newton on real scenes -------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", [None, MPM, DM_G, DM_GC], ids=name)
@@ -284,21 +322,33 @@ def test_newton_converges_quadratically(kind):
     assert order > 1.7
 
 
-# -- one element, one state -------------------------------------------------------------------------------------------
+# -- one element, one state ------------------------------------------------------------------------
 
 
 @DIMS
 def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
-    """Uniaxial strain into the residual range: the traction that it bears is the law's stress at its strain."""
+    """Uniaxial strain into the residual range: the traction that it bears is the law's stress at
+    its strain."""
     grid = Grid.box((0,) * dim, (2.0,) * dim, (1,) * dim)
-    law, held = VonMises(ELASTIC, 10e3, 6e3, 1e6), {"left": "x", "right": "x", "bottom": "y", "top": "y"}
+    law, held = (
+        VonMises(ELASTIC, 10e3, 6e3, 1e6),
+        {"left": "x", "right": "x", "bottom": "y", "top": "y"},
+    )
     base, top, up = ("bottom", "top", 1) if dim == 2 else ("back", "front", 2)
     sides = [Fixed(grid.facets(side), held[side]) for side in list(held)[: 2 * dim - 2]]
     load = np.zeros(dim)
     load[up] = -1e5
-    run = FiniteElements(grid, law, QuasiStatic(10), [
-        *sides, Fixed(grid.facets(base), "xyz"[up]), Traction(grid.facets(top), lambda t: load * np.sin(np.pi * t))],
-        newton=STIFFLY)
+    run = FiniteElements(
+        grid,
+        law,
+        QuasiStatic(10),
+        [
+            *sides,
+            Fixed(grid.facets(base), "xyz"[up]),
+            Traction(grid.facets(top), lambda t: load * np.sin(np.pi * t)),
+        ],
+        newton=STIFFLY,
+    )
     stress, history, before = np.zeros((1, tensors.components(dim))), np.zeros((1, 1)), 0.0
     for _ in range(10):
         run.step()
@@ -307,7 +357,9 @@ def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
         strain[0, up] = total - before
         stress, history = law.respond(strain, stress, history)
         before = total
-        assert stress[0, up] == pytest.approx(load[up] * np.sin(np.pi * run.time), rel=1e-9, abs=1e-4)
+        assert stress[0, up] == pytest.approx(
+            load[up] * np.sin(np.pi * run.time), rel=1e-9, abs=1e-4
+        )
         np.testing.assert_allclose(run.yielding.state, np.tile(stress, (2**dim, 1)), atol=1e-4)
         np.testing.assert_allclose(run.yielding.history, history[0, 0], atol=1e-13)
     assert history[0, 0] > (law.peak - law.residual) / law.softening
@@ -318,7 +370,9 @@ def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
 def test_simple_shear_of_a_block_is_the_same_in_finite_elements_and_at_points(dim, mapping):
     """The shear is imposed, step by step, through softening to the residual strength and back."""
     grid = dense.uneven(dim)
-    body = MaterialPoints.fill(grid, LAW, 3**dim, jitter=0.4, inside=lambda x: ((x > 0.1) & (x < 0.9)).all(axis=0))
+    body = MaterialPoints.fill(
+        grid, LAW, 3**dim, jitter=0.4, inside=lambda x: ((x > 0.1) & (x < 0.9)).all(axis=0)
+    )
     points = Simulation(grid, body, QuasiStatic(40), [], mapping)
     twin = FiniteElements(grid, LAW, QuasiStatic(40), [])
     stress, history = np.zeros((1, tensors.components(dim))), np.zeros((1, 1))
@@ -326,19 +380,26 @@ def test_simple_shear_of_a_block_is_the_same_in_finite_elements_and_at_points(di
         γ = 1.5e-3 if step < 30 else -1.5e-3
         for run in (points, twin):
             plastic.prepared(run)
-            run.motion.u.x.array[:] = dense.at_nodes(grid, lambda x, γ=γ: γ * x[:, [1]] * np.eye(dim)[0])
+            run.motion.u.x.array[:] = dense.at_nodes(
+                grid, lambda x, γ=γ: γ * x[:, [1]] * np.eye(dim)[0]
+            )
             run.carry()
         strain = np.zeros_like(stress)
         strain[0, 3] = γ
         stress, history = LAW.respond(strain, stress, history)
-        np.testing.assert_allclose(body.stress, np.tile(stress, (len(body), 1)), atol=1e-8 * LAW.peak)
-        np.testing.assert_allclose(twin.yielding.state, np.tile(stress, (len(twin.yielding.gauss), 1)),
-                                   atol=1e-8 * LAW.peak)
+        np.testing.assert_allclose(
+            body.stress, np.tile(stress, (len(body), 1)), atol=1e-8 * LAW.peak
+        )
+        np.testing.assert_allclose(
+            twin.yielding.state,
+            np.tile(stress, (len(twin.yielding.gauss), 1)),
+            atol=1e-8 * LAW.peak,
+        )
         np.testing.assert_allclose(body.history, history[0, 0], atol=1e-12)
     assert history[0, 0] > (LAW.peak - LAW.residual) / LAW.softening
 
 
-# -- more than one body -----------------------------------------------------------------------------------------------
+# -- more than one body ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
@@ -346,7 +407,15 @@ def test_two_bodies_of_one_law_are_one_and_an_elastic_one_has_no_history(mapping
     def solved(*halves):
         grid = dense.uneven(2)
         bodies = [MaterialPoints.fill(grid, law, 4, inside=inside) for law, inside in halves]
-        run = Simulation(grid, bodies, QuasiStatic(2), plastic.loads(grid), mapping, newton=STIFFLY, solver=DIRECT)
+        run = Simulation(
+            grid,
+            bodies,
+            QuasiStatic(2),
+            plastic.loads(grid),
+            mapping,
+            newton=STIFFLY,
+            solver=DIRECT,
+        )
         run.until(1.0)
         return bodies
 
@@ -371,7 +440,7 @@ def test_two_bodies_of_one_law_are_one_and_an_elastic_one_has_no_history(mapping
     assert tensors.von_mises(rock.stress).max() > 1.2 * np.sqrt(3) * LAW.peak
 
 
-# -- several ranks ------------------------------------------------------------------------------------------------
+# -- several ranks ---------------------------------------------------------------------------------
 
 
 def test_two_ranks_yield_like_one(tmp_path):
@@ -396,5 +465,7 @@ def test_two_ranks_yield_like_one(tmp_path):
             for quantity, rows in found[case].items():
                 total.setdefault(quantity, []).append(sum(v[0] for v in rows.values()))
         assert several[case]["held"] != {"0": [0.0], "1": [0.0]}
-        assert total["held"][0] == total["cells"][0] > total["cells"][1]  # every holder's 1 has reached the owner
+        assert (
+            total["held"][0] == total["cells"][0] > total["cells"][1]
+        )  # every holder's 1 has reached the owner
         assert total["volume"][0] == pytest.approx(total["volume"][1], rel=1e-12)

@@ -9,14 +9,16 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Bar:
-    """A bar that moves as told, and the body force that makes it do so (manufactured solution; ν = 0).
+    """A bar that moves as told, and the body force that makes it do so (manufactured solution; ν =
+    0).
 
         x = X + u + V t,    u = A S(2πX/L) sin(πct/L),    b = ∂²u/∂t² − c² (dP/dF / E) ∂²u/∂X²
 
-    with S the sine, so that ends at X = 0 and L rest, or, where ``free``, the cosine, so that they bear no stress.
-    It starts undeformed.  Parameters: ``length`` L (m), ``young`` E (Pa), ``density`` ρ (kg/m³) at rest, c² = E/ρ,
-    ``amplitude`` A (m), ``drift`` V (m/s), ``free``; ``hencky``: τ = E ln F for finite strain, else P = E (F − 1),
-    what every law comes to at small A.
+    with S the sine, so that ends at X = 0 and L rest, or, where ``free``, the cosine, so that they
+    bear no stress. It starts undeformed.  Parameters: ``length`` L (m), ``young`` E (Pa),
+    ``density`` ρ (kg/m³) at rest, c² = E/ρ, ``amplitude`` A (m), ``drift`` V (m/s), ``free``;
+    ``hencky``: τ = E ln F for finite strain, else P = E (F − 1), what every law comes to at small
+    A.
     """
 
     length: float
@@ -40,8 +42,13 @@ class Bar:
     def _wave(self, X: np.ndarray, t: float, time: int, place: int) -> np.ndarray:
         """Derivative of u, so many times in time and in place: each is a quarter of a period on."""
         ω, k = np.pi * self.speed / self.length, 2 * np.pi / self.length
-        return self.amplitude * ω**time * np.sin(ω * t + time * np.pi / 2) * k**place * np.sin(
-            k * X + (place + self.free) * np.pi / 2)
+        return (
+            self.amplitude
+            * ω**time
+            * np.sin(ω * t + time * np.pi / 2)
+            * k**place
+            * np.sin(k * X + (place + self.free) * np.pi / 2)
+        )
 
     def displacement(self, X: np.ndarray, t: float) -> np.ndarray:
         """u (m), the drift left out."""

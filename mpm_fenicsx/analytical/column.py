@@ -17,10 +17,10 @@ class Column:
         p(t) = f(t)/Z + q(t − L/c),    fixed base: q(t) = −p(t − L/c)
         dashpot and spring: q = −k u_b/(2Z) with du_b/dt = p(t − L/c) + q    (k = 0: no echo)
 
-    Parameters: ``height`` L (m), ``speed`` c (m/s), ``density`` (kg/m³), ``load`` f(t) pressure on the top
-    (Pa; a function of an array of times), ``end`` the last time asked for (s), ``fixed`` base or else a
-    dashpot with the material's impedance and a spring of stiffness ``spring`` k (Pa/m).
-    The march resolves L/c by ``resolution`` intervals, second order.
+    Parameters: ``height`` L (m), ``speed`` c (m/s), ``density`` (kg/m³), ``load`` f(t) pressure on
+    the top (Pa; a function of an array of times), ``end`` the last time asked for (s), ``fixed``
+    base or else a dashpot with the material's impedance and a spring of stiffness ``spring`` k
+    (Pa/m). The march resolves L/c by ``resolution`` intervals, second order.
     """
 
     height: float
@@ -40,7 +40,9 @@ class Column:
         up = np.zeros_like(times)
         k = self.spring / (2 * Z)
         u_base = arrived = 0.0
-        for first in range(n, len(times), n):  # by blocks of one travel time, each known from the last
+        for first in range(
+            n, len(times), n
+        ):  # by blocks of one travel time, each known from the last
             block = slice(first, min(first + n, len(times)))
             arriving = down[first - n : block.stop - n]
             if self.fixed:
@@ -48,7 +50,9 @@ class Column:
             elif k:
                 for i, p in zip(range(block.start, block.stop), arriving, strict=True):
                     # trapezoidal rule for du_b/dt = p − k u_b
-                    u_base = ((1 - k * step / 2) * u_base + step / 2 * (arrived + p)) / (1 + k * step / 2)
+                    u_base = ((1 - k * step / 2) * u_base + step / 2 * (arrived + p)) / (
+                        1 + k * step / 2
+                    )
                     arrived = p
                     up[i] = -k * u_base
             echo = down[block.start + n : block.stop + n]
@@ -63,7 +67,9 @@ class Column:
     def velocity(self, depth: float, t: np.ndarray) -> np.ndarray:
         """Downward particle velocity (m/s) at ``depth`` below the top (m), times ``t`` (s)."""
         below = self.height - depth
-        return self._wave(self._down, t - depth / self.speed) + self._wave(self._up, t - below / self.speed)
+        return self._wave(self._down, t - depth / self.speed) + self._wave(
+            self._up, t - below / self.speed
+        )
 
     def pressure(self, depth: float, t: np.ndarray) -> np.ndarray:
         """Vertical pressure (Pa, compression positive) at ``depth`` (m), times ``t`` (s)."""

@@ -1,4 +1,5 @@
-"""Where compiled code is kept, if not where numba and DOLFINx would: an installation and a home may be read-only."""
+"""Where compiled code is kept, if not where numba and DOLFINx would: an installation and a home may
+be read-only."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from pathlib import Path
 
 
 def provide() -> None:
-    """See that there is a folder for caches; where ``~/.cache`` takes none, name one of this user's in XDG_CACHE_HOME.
+    """See that there is a folder for caches; where ``~/.cache`` takes none, name one of this user's
+    in XDG_CACHE_HOME.
 
     Numba, which keeps kernels beside the package where it can, and DOLFINx go by that variable.
     """
@@ -19,8 +21,13 @@ def provide() -> None:
         return
     folder = _own_folder()
     os.environ["XDG_CACHE_HOME"] = str(folder)
-    warnings.warn(f"compiled code cannot be kept in {wanted}: it is kept in {folder}; let XDG_CACHE_HOME name a folder "
-                  "that can be written, on several computers one that they share", UserWarning, stacklevel=4)
+    warnings.warn(
+        f"compiled code cannot be kept in {wanted}: it is kept in {folder}; let XDG_CACHE_HOME "
+        "name a folder "
+        "that can be written, on several computers one that they share",
+        UserWarning,
+        stacklevel=4,
+    )
 
 
 def _takes_files(folder: Path) -> bool:
@@ -38,7 +45,11 @@ def _own_folder() -> Path:
     try:
         folder.mkdir(mode=0o700, exist_ok=True)
         status = folder.lstat()
-        if stat.S_ISDIR(status.st_mode) and status.st_uid == os.getuid() and not status.st_mode & 0o077:
+        if (
+            stat.S_ISDIR(status.st_mode)
+            and status.st_uid == os.getuid()
+            and not status.st_mode & 0o077
+        ):
             return folder
     except OSError:
         pass

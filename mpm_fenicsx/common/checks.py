@@ -9,7 +9,8 @@ import numpy as np
 
 
 def finite(name: str, value: float) -> float:
-    """Return ``value`` as a float, or raise ``ValueError`` naming it if it is not a finite number."""
+    """Return ``value`` as a float, or raise ``ValueError`` naming it if it is not a finite
+    number."""
     try:
         number = float(value)
     except (TypeError, ValueError):
@@ -20,7 +21,8 @@ def finite(name: str, value: float) -> float:
 
 
 def positive(name: str, value: float) -> float:
-    """Return ``value`` as a float, or raise ``ValueError`` naming it if it is not finite and > 0."""
+    """Return ``value`` as a float, or raise ``ValueError`` naming it if it is not finite and >
+    0."""
     number = finite(name, value)
     if number <= 0.0:
         raise ValueError(f"{name} must be positive, got {number}")
@@ -36,7 +38,8 @@ def between(name: str, value: float, low: float, high: float) -> float:
 
 
 def whole(name: str, value: int, least: int = 1) -> int:
-    """Return ``value`` as an int, or raise ``ValueError`` naming it if it is not whole and >= ``least``."""
+    """Return ``value`` as an int, or raise ``ValueError`` naming it if it is not whole and >=
+    ``least``."""
     number = finite(name, value)
     if number != int(number) or number < least:
         raise ValueError(f"{name} must be a whole number of at least {least}, got {value!r}")
@@ -52,7 +55,8 @@ def one_of(name: str, value: str, known: Iterable[str]) -> str:
 
 
 def an_object(name: str, value, kind: type | tuple[type, ...], such_as: str):
-    """Return ``value``, or raise ``ValueError`` naming it and what it should be like, if it is not of ``kind``."""
+    """Return ``value``, or raise ``ValueError`` naming it and what it should be like, if it is not
+    of ``kind``."""
     if isinstance(value, kind):
         return value
     raise ValueError(f"{name} must be {such_as}, got {in_short(value)}")
@@ -67,14 +71,16 @@ def in_short(value) -> str:
 
 
 def several(name: str, value, such_as: str) -> list:
-    """Return ``value`` as a list, or raise ``ValueError`` naming it if it cannot be gone through, or is text."""
+    """Return ``value`` as a list, or raise ``ValueError`` naming it if it cannot be gone through,
+    or is text."""
     if isinstance(value, str | bytes | dict) or not isinstance(value, Iterable):
         raise ValueError(f"{name} must be {such_as}, got {in_short(value)}")
     return list(value)
 
 
 def array(name: str, value) -> np.ndarray:
-    """Return ``value`` as a new array of floats, or raise ``ValueError`` naming it if it is none."""
+    """Return ``value`` as a new array of floats, or raise ``ValueError`` naming it if it is
+    none."""
     try:
         return np.array(value, float, order="C")
     except (TypeError, ValueError):
@@ -82,8 +88,14 @@ def array(name: str, value) -> np.ndarray:
 
 
 def increasing(name: str, value: Sequence[float]) -> np.ndarray:
-    """Return ``value`` as an array of two or more numbers, each larger than the one before, or raise ``ValueError``."""
+    """Return ``value`` as an array of two or more numbers, each larger than the one before, or
+    raise ``ValueError``."""
     line = array(name, value)
-    if line.ndim != 1 or len(line) < 2 or not np.isfinite(line).all() or not (np.diff(line) > 0).all():
+    if (
+        line.ndim != 1
+        or len(line) < 2
+        or not np.isfinite(line).all()
+        or not (np.diff(line) > 0).all()
+    ):
         raise ValueError(f"{name} must increase, got {value}")
     return line

@@ -27,4 +27,8 @@ def once(count: int) -> tuple[int, ...]:
 
 def digits(base: int, dim: int) -> np.ndarray:
     """Positions of a tensor-product table, first direction fastest (base^dim, dim)."""
-    return np.stack(np.meshgrid(*[np.arange(base)] * dim, indexing="ij"), -1).reshape(-1, dim)[:, ::-1].copy()
+    return (
+        np.stack(np.meshgrid(*[np.arange(base)] * dim, indexing="ij"), -1)
+        .reshape(-1, dim)[:, ::-1]
+        .copy()
+    )

@@ -1,5 +1,6 @@
 """What a run says when it cannot go on."""
 
+
 class SolverError(RuntimeError):
     """A step that could not be solved; says why."""
 
@@ -11,6 +12,6 @@ class RunError(RuntimeError):
 class OutputError(OSError, RunError):
     """A recorder could not write: names step, time and file.
 
-    The step is done and the other recorders have seen it, so that the run can go on when there is space, or without
-    that recorder.
+    The step is done and the other recorders have seen it, so that the run can go on when there is
+    space, or without that recorder.
     """

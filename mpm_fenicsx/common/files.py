@@ -20,7 +20,8 @@ def named(path: str | os.PathLike) -> Path:
 
 @contextmanager
 def complete(file: Path) -> Iterator[Path]:
-    """A name beside ``file`` to write to; takes the place of ``file`` if all goes well, else is removed."""
+    """A name beside ``file`` to write to; takes the place of ``file`` if all goes well, else is
+    removed."""
     part = file.with_name(file.name + ".part")
     try:
         yield part
@@ -32,7 +33,8 @@ def complete(file: Path) -> Iterator[Path]:
 
 @contextmanager
 def failing_together(comm, what: str, path: Path) -> Iterator[None]:
-    """Make what goes wrong on the first rank an ``OSError`` of every rank, which says ``what`` failed and ``path``."""
+    """Make what goes wrong on the first rank an ``OSError`` of every rank, which says ``what``
+    failed and ``path``."""
     failure = cause = None
     try:
         yield

@@ -31,21 +31,28 @@ def together(comm: MPI.Comm) -> Iterator[None]:
 
 
 def keepers(comm: MPI.Comm, things: np.ndarray, own: np.ndarray, known: np.ndarray) -> np.ndarray:
-    """Which rank is to keep each of this rank's things (n,), so that one does of all ranks that have it.
+    """Which rank is to keep each of this rank's things (n,), so that one does of all ranks that
+    have it.
 
-    ``things`` (n, k): numbers that say what it is, the same wherever it is; ``own`` (n,): it lies in this rank's cells;
-    ``known`` (n,): in its cells or ghosts.  It is the rank whose own it is or, where none such has it, the first that
-    knows its cell; -1 if none does.  Collective.
+    ``things`` (n, k): numbers that say what it is, the same wherever it is; ``own`` (n,): it lies
+    in this rank's cells; ``known`` (n,): in its cells or ghosts.  It is the rank whose own it is
+    or, where none such has it, the first that knows its cell; -1 if none does.  Collective.
     """
     nobody, mine = 2 * comm.size, np.flatnonzero(~own)
     keeper = np.where(own, comm.rank, -1)
-    asked = comm.allgather(things[mine])  # few: what lies in ghost cells, or everything where all ranks have all
+    asked = comm.allgather(
+        things[mine]
+    )  # few: what lies in ghost cells, or everything where all ranks have all
     if not sum(map(len, asked)):
         return keeper
     _, which = np.unique(np.concatenate((things, *asked)), axis=0, return_inverse=True)
     which = which.ravel()
     best = np.full(len(which), nobody)
-    np.minimum.at(best, which[: len(things)], np.where(own, comm.rank, np.where(known, comm.size + comm.rank, nobody)))
+    np.minimum.at(
+        best,
+        which[: len(things)],
+        np.where(own, comm.rank, np.where(known, comm.size + comm.rank, nobody)),
+    )
     answer = best[which[len(things) :]]
     comm.Allreduce(MPI.IN_PLACE, answer, op=MPI.MIN)
     start = sum(map(len, asked[: comm.rank]))

@@ -19,7 +19,10 @@ class Gaps:
 
     def __init__(self, patches: Sequence[PointPatch]):
         self.grid = patches[0].grid
-        self.pairs = [(a, b, Touching(patches[a], patches[b])) for a, b in combinations(range(len(patches)), 2)]
+        self.pairs = [
+            (a, b, Touching(patches[a], patches[b]))
+            for a, b in combinations(range(len(patches)), 2)
+        ]
         self.bodies = len(patches)
 
     def find(self) -> None:

@@ -16,14 +16,15 @@ from ..grid.grid import Grid
 from .time_stepping import Newmark, QuasiStatic
 
 VANISHING = 1e-16
-"""Of the step: its square is so small that stiffness is nothing beside inertia, up to Courant numbers of 1e3."""
+"""Of the step: its square is so small that stiffness is nothing beside inertia, up to Courant
+numbers of 1e3."""
 
 
 class KnownMotion:
     """Motion of nodes that is given: what ``prescribed`` says of them, step by step.
 
-    ``dofs`` (n,): which; ``increment`` (m) of the step; ``before`` and ``after`` it (2,), velocity (m/s) and
-    acceleration (m/s²).
+    ``dofs`` (n,): which; ``increment`` (m) of the step; ``before`` and ``after`` it (2,), velocity
+    (m/s) and acceleration (m/s²).
     """
 
     def __init__(self, dofs: np.ndarray, prescribed):
@@ -36,11 +37,12 @@ class KnownMotion:
 
 
 class Motion:
-    """Displacement increment ``u`` of the step and, in dynamics, velocity ``v`` and acceleration ``a`` before it.
+    """Displacement increment ``u`` of the step and, in dynamics, velocity ``v`` and acceleration
+    ``a`` before it.
 
-    Forms integrate over the cells of ``region``.  ``velocity`` and ``acceleration`` are the expressions in the balance
-    of forces (see ``time_stepping``), affine in u; their factors are constants, so that a new time step compiles
-    nothing.
+    Forms integrate over the cells of ``region``.  ``velocity`` and ``acceleration`` are the
+    expressions in the balance of forces (see ``time_stepping``), affine in u; their factors are
+    constants, so that a new time step compiles nothing.
     """
 
     def __init__(self, grid: Grid, stepping: Newmark | QuasiStatic):
@@ -56,7 +58,9 @@ class Motion:
             self.dt = fem.Constant(grid.mesh, np.array(0.0))
             self.use(stepping)
             fields = (self.u, self.v, self.a)
-            self.velocity, self.acceleration = (sum(c[i] * f for i, f in enumerate(fields)) for c in self._factors)
+            self.velocity, self.acceleration = (
+                sum(c[i] * f for i, f in enumerate(fields)) for c in self._factors
+            )
 
     def use(self, stepping: Newmark | QuasiStatic) -> None:
         """Take the factors of another time step."""
@@ -70,7 +74,9 @@ class Motion:
     def known(self, force):
         """A force that was there before the step, constant in it, as it counts in the balance."""
         start = self.stepping.start
-        return force if start == 0.0 else fem.Constant(self.grid.mesh, np.array(1.0 + start)) * force
+        return (
+            force if start == 0.0 else fem.Constant(self.grid.mesh, np.array(1.0 + start)) * force
+        )
 
     def nodal(self, f: fem.Function) -> np.ndarray:
         """Values of a vector field, a view (nodes, dim)."""
@@ -78,8 +84,8 @@ class Motion:
 
     @contextmanager
     def vanishing_step(self) -> Iterator[float]:
-        """Within, forms are those of a step so short that inertia alone resists: u times the number given is the
-        acceleration at its end, and velocity is that before it."""
+        """Within, forms are those of a step so short that inertia alone resists: u times the number
+        given is the acceleration at its end, and velocity is that before it."""
         factor, known = 1.0 / (VANISHING * self.stepping.dt**2), 1.0 + self.stepping.start
         self._factors[0].value[:] = 0.0, known, 0.0
         self._factors[1].value[:] = factor, 0.0, 0.0
@@ -87,7 +93,8 @@ class Motion:
         self.use(self.stepping)
 
     def know_start(self, v: np.ndarray, a: np.ndarray) -> None:
-        """Give nodal velocity and acceleration (nodes, dim) before the step what is known of them."""
+        """Give nodal velocity and acceleration (nodes, dim) before the step what is known of
+        them."""
         self._know(v, a, [known.before for known in self.moved])
 
     def _know(self, v: np.ndarray, a: np.ndarray, of_moved: list[np.ndarray]) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 from .time_stepping import Newmark, QuasiStatic
 
 Step = tuple[float, tuple[float, float], tuple[float, float]]
-"""What a step is told: the increment (m), and velocity (m/s) and acceleration (m/s²) before and after it."""
+"""What a step is told: the increment (m), and velocity (m/s) and acceleration (m/s²) before and
+after it."""
 
 
 class Prescribed:
@@ -30,11 +31,13 @@ class Prescribed:
 
 
 class Displacement(Prescribed):
-    """A displacement u(t) alone; where there is inertia, velocity and acceleration follow by differences over the step,
+    """A displacement u(t) alone; where there is inertia, velocity and acceleration follow by
+    differences over the step,
 
         v(t) = (u(t + Δt) - u(t - Δt)) / 2Δt,    a(t) = (u(t + Δt) - 2 u(t) + u(t - Δt)) / Δt²,
 
-    of second order, and one-sided of the same order in the first step, for no motion is known before t = 0.
+    of second order, and one-sided of the same order in the first step, for no motion is known
+    before t = 0.
     """
 
     description = "velocity and acceleration by differences of the displacement"
@@ -53,7 +56,9 @@ class Displacement(Prescribed):
         u = self._u
         if t - dt < 0.0:
             u0, u1, u2, u3 = (u(t + k * dt) for k in range(4))
-            return (-3.0 * u0 + 4.0 * u1 - u2) / (2.0 * dt), (2.0 * u0 - 5.0 * u1 + 4.0 * u2 - u3) / dt**2
+            return (-3.0 * u0 + 4.0 * u1 - u2) / (2.0 * dt), (
+                2.0 * u0 - 5.0 * u1 + 4.0 * u2 - u3
+            ) / dt**2
         before, now, after = u(t - dt), u(t), u(t + dt)
         return (after - before) / (2.0 * dt), (after - 2.0 * now + before) / dt**2
 
@@ -68,7 +73,11 @@ class WholeMotion(Prescribed):
 
     def step(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> Step:
         """Increment, and velocity and acceleration before and after it."""
-        return (self._u(end) - self._u(start), (self._v(start), self._a(start)), (self._v(end), self._a(end)))
+        return (
+            self._u(end) - self._u(start),
+            (self._v(start), self._a(start)),
+            (self._v(end), self._a(end)),
+        )
 
 
 class AccelerationRecord(Prescribed):
@@ -76,9 +85,8 @@ class AccelerationRecord(Prescribed):
 
         Δu = Δt v + ¼ Δt² (a + a₁),    v₁ = v + ½ Δt (a + a₁).
 
-    It is that of every stepping: with the γ > ½ of generalised α a record would gain (γ - ½) Δt (a(t) - a(0)) in
-    velocity.
-    ``velocity`` (1,), m/s, is that reached; a restart needs it.
+    It is that of every stepping: with the γ > ½ of generalised α a record would gain (γ - ½) Δt
+    (a(t) - a(0)) in velocity. ``velocity`` (1,), m/s, is that reached; a restart needs it.
     """
 
     description = "acceleration as given, integrated by the trapezoidal rule"

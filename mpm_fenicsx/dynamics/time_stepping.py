@@ -1,10 +1,12 @@
-"""Time stepping as plain arithmetic: the increment u of a step gives velocity and acceleration at its end.
+"""Time stepping as plain arithmetic: the increment u of a step gives velocity and acceleration at
+its end.
 
     velocity = c₀ u + c₁ v + c₂ a,    acceleration = d₀ u + d₁ v + d₂ a
 
-with v, a at the start of the step.  The factors serve NumPy arrays and, as constants, UFL expressions.  ``balanced``
-are those of the velocity and acceleration that the balance of forces is written with, and ``start`` is what forces at
-the start of the step weigh in it, those at its end weighing 1.
+with v, a at the start of the step.  The factors serve NumPy arrays and, as constants, UFL
+expressions.  ``balanced`` are those of the velocity and acceleration that the balance of forces is
+written with, and ``start`` is what forces at the start of the step weigh in it, those at its end
+weighing 1.
 """
 
 from __future__ import annotations
@@ -36,8 +38,10 @@ class Newmark:
         object.__setattr__(self, "beta", positive("beta", self.beta))
         object.__setattr__(self, "gamma", finite("gamma", self.gamma))
         if self.gamma < 0.5 or 2 * self.beta < self.gamma:
-            raise ValueError(f"Newmark is unconditionally stable for 2 beta >= gamma >= 1/2 only, "
-                             f"got beta={self.beta}, gamma={self.gamma}")
+            raise ValueError(
+                f"Newmark is unconditionally stable for 2 beta >= gamma >= 1/2 only, "
+                f"got beta={self.beta}, gamma={self.gamma}"
+            )
 
     def part(self, share: float) -> Newmark:
         """The same rule with a part of the step."""
@@ -57,29 +61,32 @@ class Newmark:
 
     @property
     def balanced(self) -> tuple[Factors, Factors]:
-        """Factors of u, v, a in the velocity and the acceleration of the balance: those at the end of the step."""
+        """Factors of u, v, a in the velocity and the acceleration of the balance: those at the end
+        of the step."""
         return self.velocity, self.acceleration
 
     @property
     def inertia(self) -> float:
-        """What the acceleration at the end of the step weighs in the balance, its forces weighing 1."""
+        """What the acceleration at the end of the step weighs in the balance, its forces weighing
+        1."""
         return self.balanced[1][0] / self.acceleration[0]
 
 
 @dataclass(frozen=True)
 class GeneralizedAlpha(Newmark):
-    """Newmark's step with forces balanced inside it, which damps what is fast (Chung & Hulbert, J. Appl. Mech. 60,
-    371-375, 1993).
+    """Newmark's step with forces balanced inside it, which damps what is fast (Chung & Hulbert, J.
+    Appl. Mech. 60, 371-375, 1993).
 
-        M [(1 - α_m) a₁ + α_m a₀] + (1 - α_f) F(u₁, v₁) + α_f F(u₀, v₀) = (1 - α_f) P(t₁) + α_f P(t₀)
-        γ = ½ + s,  β = ¼ (1 + s)²,  s = α_f - α_m = (1 - ρ)/(1 + ρ),  w = α_f/(1 - α_f)
+        M [(1 - α_m) a₁ + α_m a₀] + (1 - α_f) F(u₁, v₁) + α_f F(u₀, v₀) = (1 - α_f) P(t₁) + α_f
+        P(t₀) γ = ½ + s,  β = ¼ (1 + s)²,  s = α_f - α_m = (1 - ρ)/(1 + ρ),  w = α_f/(1 - α_f)
 
-    of second order.  ``spectral_radius`` ρ, 0 to 1: what is left of a vibration much faster than ``dt`` (s) after a
-    step; 1 keeps all.  ``start`` w, 0 to ρ: weight of the forces at the start of the step, those at its end weighing 1.
-    With 0 (Wood, Bossak & Zienkiewicz, Int. J. Numer. Methods Eng. 15, 1562-1566, 1980) only inertia changes, and ρ = 1
-    is Newmark's trapezoidal rule whatever the start: the choice for material points, whose forces are not quite in
-    balance at the start of a step.  ρ (Chung & Hulbert) damps slow vibrations the least: the choice for finite elements
-    that start with the acceleration of their loads.  Divided by 1 - α_f the balance reads
+    of second order.  ``spectral_radius`` ρ, 0 to 1: what is left of a vibration much faster than
+    ``dt`` (s) after a step; 1 keeps all.  ``start`` w, 0 to ρ: weight of the forces at the start of
+    the step, those at its end weighing 1. With 0 (Wood, Bossak & Zienkiewicz, Int. J. Numer.
+    Methods Eng. 15, 1562-1566, 1980) only inertia changes, and ρ = 1 is Newmark's trapezoidal rule
+    whatever the start: the choice for material points, whose forces are not quite in balance at the
+    start of a step.  ρ (Chung & Hulbert) damps slow vibrations the least: the choice for finite
+    elements that start with the acceleration of their loads.  Divided by 1 - α_f the balance reads
 
         M [(1 + s + w s) a₁ + (w - s - w s) a₀] + F(u₁, v₁) + w F(u₀, v₀) = P(t₁) + w P(t₀)
 
@@ -99,7 +106,12 @@ class GeneralizedAlpha(Newmark):
         if not 0.0 <= w <= ρ:
             raise ValueError(f"start must lie in [0, {ρ}], 0 to spectral_radius, got {w}")
         s = self._shift
-        for name, value in (("spectral_radius", ρ), ("start", w), ("beta", 0.25 * (1 + s) ** 2), ("gamma", 0.5 + s)):
+        for name, value in (
+            ("spectral_radius", ρ),
+            ("start", w),
+            ("beta", 0.25 * (1 + s) ** 2),
+            ("gamma", 0.5 + s),
+        ):
             object.__setattr__(self, name, value)
         super().__post_init__()
 
@@ -117,7 +129,8 @@ class GeneralizedAlpha(Newmark):
 
 @dataclass(frozen=True)
 class QuasiStatic:
-    """Equilibrium without inertia: time runs from 0 to 1 in ``steps`` equal steps, loads are functions of it.
+    """Equilibrium without inertia: time runs from 0 to 1 in ``steps`` equal steps, loads are
+    functions of it.
 
     Raises ``ValueError`` for fewer than one step.
     """

@@ -1,4 +1,5 @@
-"""Where forms integrate: over the cells with material and, where a term asks for them, the facets that it joins."""
+"""Where forms integrate: over the cells with material and, where a term asks for them, the facets
+that it joins."""
 
 from __future__ import annotations
 
@@ -15,9 +16,9 @@ from .grid import Grid
 class Region:
     """All cells of a grid, until ``cover`` says which ones hold material.
 
-    ``dx`` is the measure for forms, which follow it at once.  On several ranks, and in DOLFINx 0.5, which cannot, they
-    go on over all cells.  The same holds of measures of a few cells (``some``), and of ``dS`` for the facets between
-    cells, of which there are none until ``seams`` is called.
+    ``dx`` is the measure for forms, which follow it at once.  On several ranks, and in DOLFINx 0.5,
+    which cannot, they go on over all cells.  The same holds of measures of a few cells (``some``),
+    and of ``dS`` for the facets between cells, of which there are none until ``seams`` is called.
     """
 
     def __init__(self, grid: Grid):
@@ -28,7 +29,8 @@ class Region:
         self.dS: ufl.Measure | None = None
 
     def cover(self, held: np.ndarray) -> None:
-        """Only cells that are marked in ``held`` (cells,), or beside one that is, corners included."""
+        """Only cells that are marked in ``held`` (cells,), or beside one that is, corners
+        included."""
         if not self.follows or (self._held is not None and np.array_equal(held, self._held)):
             return
         self._held = held.copy()
@@ -36,7 +38,9 @@ class Region:
         self.cells = np.flatnonzero(near[: self.grid.owned_cells]).astype(np.int32)
         self._domains[0] = (dolfinx_versions.MATERIAL, self.cells)
 
-    def some(self, metadata: Mapping[str, object]) -> tuple[ufl.Measure, Callable[[np.ndarray], None]]:
+    def some(
+        self, metadata: Mapping[str, object]
+    ) -> tuple[ufl.Measure, Callable[[np.ndarray], None]]:
         """A measure of cells of its own, and what tells it which (n,), sorted; until then all."""
         if not self.follows:
             return self.dx(metadata=metadata), lambda cells: None
@@ -49,19 +53,23 @@ class Region:
 
         return self.dx(mark, metadata=metadata), cover
 
-    # -- facets between cells -------------------------------------------------------------------------------------
+    # -- facets between cells ----------------------------------------------------------------------
 
     def seams(self) -> ufl.Measure:
-        """Measure of the facets that ``sew`` chooses.  Raises ``ValueError`` if another term has them already."""
+        """Measure of the facets that ``sew`` chooses.  Raises ``ValueError`` if another term has
+        them already."""
         if self.dS is not None:
             raise ValueError("terms: a scene takes one term on the facets between cells, got two")
         self._facets = dolfinx_versions.interior_facets(self.grid.mesh)
         self._sewn = self._room = np.full(len(self._facets), not self.follows)
-        self.dS, self._seams = dolfinx_versions.facet_measure(self.grid.mesh, self._facets[self._sewn])
+        self.dS, self._seams = dolfinx_versions.facet_measure(
+            self.grid.mesh, self._facets[self._sewn]
+        )
         return self.dS
 
     def sew(self, light: np.ndarray, filled: np.ndarray) -> None:
-        """Only facets between cells in ``filled`` (cells,), of which one at least is in ``light`` (cells,)."""
+        """Only facets between cells in ``filled`` (cells,), of which one at least is in ``light``
+        (cells,)."""
         if not self.follows:
             return
         a, b = self._facets[:, 0], self._facets[:, 2]
@@ -90,6 +98,9 @@ class Region:
         """Within, forms go over all cells."""
         before = self._domains[:]
         if before:
-            self._domains[0] = (dolfinx_versions.MATERIAL, np.arange(self.grid.owned_cells, dtype=np.int32))
+            self._domains[0] = (
+                dolfinx_versions.MATERIAL,
+                np.arange(self.grid.owned_cells, dtype=np.int32),
+            )
         yield
         self._domains[:] = before

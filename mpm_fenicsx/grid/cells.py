@@ -57,7 +57,14 @@ def over_corner(cell, side, neighbour):
     return False
 
 
-SIDES = {"left": (0, 0), "right": (0, 1), "bottom": (1, 0), "top": (1, 1), "back": (2, 0), "front": (2, 1)}
+SIDES = {
+    "left": (0, 0),
+    "right": (0, 1),
+    "bottom": (1, 0),
+    "top": (1, 1),
+    "back": (2, 0),
+    "front": (2, 1),
+}
 """Direction and end of the sides that every grid and body has."""
 
 
@@ -66,7 +73,8 @@ class Lattice:
     """Where the cells of a rectilinear grid lie, for the local and ghost cells of one rank.
 
     ``lower``, ``upper`` (cells, dim), m; ``nodes`` (cells, 2^dim) in tensor order, x fastest;
-    ``neighbour`` (cells, dim, 2) and ``patch`` (cells, 4^dim), -1 where there is none; ``volume`` (cells,).
+    ``neighbour`` (cells, dim, 2) and ``patch`` (cells, 4^dim), -1 where there is none; ``volume``
+    (cells,).
     """
 
     lower: np.ndarray
@@ -78,11 +86,13 @@ class Lattice:
 
     @cached_property
     def around(self) -> np.ndarray:
-        """The patches one after the other, for the compiled loops: without sign, and 0 where there is no node."""
+        """The patches one after the other, for the compiled loops: without sign, and 0 where there
+        is no node."""
         return np.maximum(self.patch, 0).astype(np.uint32).ravel()
 
     def spread(self, values: np.ndarray) -> np.ndarray:
-        """The largest of each cell's value (cells,) and those of the cells beside it, corners included.
+        """The largest of each cell's value (cells,) and those of the cells beside it, corners
+        included.
 
         In ghost cells only of those that this rank knows.
         """
@@ -95,8 +105,11 @@ class Lattice:
         return out
 
 
-def beside(lower: np.ndarray, upper: np.ndarray, nodes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Neighbours across facets and the nodes of the 4^dim patch of each cell, through shared nodes."""
+def beside(
+    lower: np.ndarray, upper: np.ndarray, nodes: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Neighbours across facets and the nodes of the 4^dim patch of each cell, through shared
+    nodes."""
     cells, dim = lower.shape
     neighbour = np.full((cells, dim, 2), -1, dtype=np.int32)
     digit = digits(2, dim)

@@ -21,10 +21,21 @@ from . import form_compiler
 version = dolfinx.__version__
 _recent = hasattr(fem, "functionspace")
 _SHAPES = {2: "quadrilateral", 3: "hexahedron"}
-# sums may be taken in another order, which vector units need; NaN stays NaN; -O3 compiles twice as long for nothing
-_JIT = {"cffi_extra_compile_args": ["-O2", "-ftree-vectorize", "-fvect-cost-model=dynamic", "-march=native",
-                                    "-fno-math-errno", "-fno-trapping-math", "-fno-signed-zeros",
-                                    "-fassociative-math", "-freciprocal-math"]}
+# sums may be taken in another order, which vector units need; NaN stays NaN; -O3 compiles twice as
+# long for nothing
+_JIT = {
+    "cffi_extra_compile_args": [
+        "-O2",
+        "-ftree-vectorize",
+        "-fvect-cost-model=dynamic",
+        "-march=native",
+        "-fno-math-errno",
+        "-fno-trapping-math",
+        "-fno-signed-zeros",
+        "-fassociative-math",
+        "-freciprocal-math",
+    ]
+}
 FORMS_FOLLOW = _recent
 """Whether forms take up other cells of a ``cell_measure``."""
 MATERIAL = 1
@@ -44,7 +55,8 @@ def _quiet() -> Iterator[None]:
 
 
 def space(mesh, family: str, degree: int, shape: tuple[int, ...] = ()):
-    """Function space on ``mesh``; "Lagrange", or "DQ" for the discontinuous one on quadrilaterals."""
+    """Function space on ``mesh``; "Lagrange", or "DQ" for the discontinuous one on
+    quadrilaterals."""
     if _recent:
         return fem.functionspace(mesh, (family, degree, shape) if shape else (family, degree))
     make = partial(fem.VectorFunctionSpace, dim=shape[0]) if shape else fem.FunctionSpace
@@ -53,13 +65,18 @@ def space(mesh, family: str, degree: int, shape: tuple[int, ...] = ()):
 
 
 def quadrature_space(mesh, degree: int, size: int):
-    """Space of ``size`` numbers at the quadrature points of ``degree``; forms must integrate with that degree."""
+    """Space of ``size`` numbers at the quadrature points of ``degree``; forms must integrate with
+    that degree."""
     if _recent:
         import basix.ufl
 
-        element = basix.ufl.quadrature_element(mesh.topology.cell_name(), value_shape=(size,), degree=degree)
+        element = basix.ufl.quadrature_element(
+            mesh.topology.cell_name(), value_shape=(size,), degree=degree
+        )
         return fem.functionspace(mesh, element)
-    element = ufl.VectorElement("Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default")
+    element = ufl.VectorElement(
+        "Quadrature", mesh.ufl_cell(), degree, dim=size, quad_scheme="default"
+    )
     with _quiet():
         return form_compiler.build(mesh.comm, partial(fem.FunctionSpace, mesh, element))
 
@@ -78,7 +95,8 @@ def cell_vertices(mesh) -> np.ndarray:
 
 
 def cell_measure(mesh, cells: np.ndarray):
-    """Measure of the cells, and the list [(MATERIAL, cells)] that says which; 0.5 takes all, whatever the list."""
+    """Measure of the cells, and the list [(MATERIAL, cells)] that says which; 0.5 takes all,
+    whatever the list."""
     domains = [(MATERIAL, cells)]
     if not _recent:
         return ufl.Measure("dx", domain=mesh), domains
@@ -86,8 +104,8 @@ def cell_measure(mesh, cells: np.ndarray):
 
 
 def facet_measure(mesh, facets: np.ndarray):
-    """Measure of interior facets given as rows (facets, 4): a cell and the facet's number in it, on both sides; and the
-    list that says which.  0.5 takes all, whatever the list."""
+    """Measure of interior facets given as rows (facets, 4): a cell and the facet's number in it, on
+    both sides; and the list that says which.  0.5 takes all, whatever the list."""
     domains = [(MATERIAL, facets)]
     if not _recent:
         return ufl.Measure("dS", domain=mesh), domains
@@ -101,15 +119,20 @@ def interior_facets(mesh) -> np.ndarray:
     topology, dim = mesh.topology, mesh.topology.dim
     topology.create_connectivity(dim - 1, dim)
     topology.create_connectivity(dim, dim - 1)
-    between = np.flatnonzero(np.diff(topology.connectivity(dim - 1, dim).offsets) == 2).astype(np.int32)
-    return fem.compute_integration_domains(fem.IntegralType.interior_facet, topology, between).reshape(-1, 4)
+    between = np.flatnonzero(np.diff(topology.connectivity(dim - 1, dim).offsets) == 2).astype(
+        np.int32
+    )
+    return fem.compute_integration_domains(
+        fem.IntegralType.interior_facet, topology, between
+    ).reshape(-1, 4)
 
 
 def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callable):
     """Mesh of quadrilaterals or hexahedra, distributed as told.
 
-    ``x`` (points, dim) and ``cells`` (cells, 2^dim), vertices in tensor order, are given on rank 0 and empty
-    elsewhere; ``owners(ranks)`` returns offsets and, for every cell, its owner and then its ghosts' ranks.
+    ``x`` (points, dim) and ``cells`` (cells, 2^dim), vertices in tensor order, are given on rank 0
+    and empty elsewhere; ``owners(ranks)`` returns offsets and, for every cell, its owner and then
+    its ghosts' ranks.
     """
     dim = x.shape[1]
 
@@ -126,14 +149,17 @@ def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callab
         element = basix.ufl.element("Lagrange", _SHAPES[dim], 1, shape=(dim,))
         return dolfinx.mesh.create_mesh(comm, cells, element, x, partitioner)
     domain = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.Cell(_SHAPES[dim], dim), 1))
-    return dolfinx.mesh.create_mesh(comm, cells, x, domain, dolfinx.mesh.GhostMode.shared_facet, partitioner)
+    return dolfinx.mesh.create_mesh(
+        comm, cells, x, domain, dolfinx.mesh.GhostMode.shared_facet, partitioner
+    )
 
 
 def compile_form(form):
     """A compiled form, a list of parts to be added up; None for the empty sum of terms.
 
-    One-point rules go into a kernel of their own: beside them FFCx (0.5 to 0.11) gives the other rules of a kernel
-    the coefficients of that point (what is the same at all points of a rule is kept once for all rules).
+    One-point rules go into a kernel of their own: beside them FFCx (0.5 to 0.11) gives the other
+    rules of a kernel the coefficients of that point (what is the same at all points of a rule is
+    kept once for all rules).
     """
     if form is None or (isinstance(form, (int, float)) and form == 0) or form.empty():
         return None
@@ -148,7 +174,8 @@ def compile_form(form):
 
 
 class _Form:
-    """A form of DOLFINx 0.11 that is made anew when the cells or facets of its measures change: the code stays."""
+    """A form of DOLFINx 0.11 that is made anew when the cells or facets of its measures change: the
+    code stays."""
 
     def __init__(self, form, options: dict):
         (self.domain,), self.form = form.subdomain_data(), form
@@ -159,22 +186,40 @@ class _Form:
     def now(self):
         """The form over what its measures have now."""
         data = self.form.subdomain_data()[self.domain]
-        listed = [cells for marks in data.values() if isinstance(marks[0], list) for _, cells in marks[0]]
-        if len(listed) != len(self.where) or any(a is not b for a, b in zip(listed, self.where, strict=True)):
+        listed = [
+            cells for marks in data.values() if isinstance(marks[0], list) for _, cells in marks[0]
+        ]
+        if len(listed) != len(self.where) or any(
+            a is not b for a, b in zip(listed, self.where, strict=True)
+        ):
             from dolfinx.fem import forms
 
             ids, ufcx = {}, self.compiled.ufcx_form
             for k, kind in enumerate(fem.IntegralType):
-                ids[kind] = [ufcx.form_integral_ids[j]
-                             for j in range(ufcx.form_integral_offsets[k], ufcx.form_integral_offsets[k + 1])]
+                ids[kind] = [
+                    ufcx.form_integral_ids[j]
+                    for j in range(ufcx.form_integral_offsets[k], ufcx.form_integral_offsets[k + 1])
+                ]
             where = {forms._ufl_to_dolfinx_domain[name]: marks[0] for name, marks in data.items()}
-            where = {kind: [at for at in marks if at[0] in ids[kind]] if isinstance(marks, list) else marks
-                     for kind, marks in where.items()}
-            where = {kind: forms.get_integration_domains(kind, marks, ids[kind]) for kind, marks in where.items()}
+            where = {
+                kind: [at for at in marks if at[0] in ids[kind]]
+                if isinstance(marks, list)
+                else marks
+                for kind, marks in where.items()
+            }
+            where = {
+                kind: forms.get_integration_domains(kind, marks, ids[kind])
+                for kind, marks in where.items()
+            }
             mesh = SimpleNamespace(_cpp_object=self.domain.ufl_cargo())
             self.made = fem.create_form(
-                self.compiled, [a.ufl_function_space() for a in self.form.arguments()], mesh, where,
-                {c: c for c in self.form.coefficients()}, {c: c for c in self.form.constants()})
+                self.compiled,
+                [a.ufl_function_space() for a in self.form.arguments()],
+                mesh,
+                where,
+                {c: c for c in self.form.coefficients()},
+                {c: c for c in self.form.constants()},
+            )
             self.where = listed
         return self.made
 
@@ -203,7 +248,8 @@ def share(f: fem.Function) -> None:
 
 
 def create_matrix(form, kind: str | None = None):
-    """PETSc matrix with the sparsity of ``form``; ``kind`` is PETSc's name of the format, "baij" for dense blocks."""
+    """PETSc matrix with the sparsity of ``form``; ``kind`` is PETSc's name of the format, "baij"
+    for dense blocks."""
     return fem.petsc.create_matrix(_parts(form)[0], kind)
 
 

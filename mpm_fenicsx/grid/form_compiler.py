@@ -1,4 +1,5 @@
-"""What a process that was killed while it compiled leaves behind: FFCx would wait for it in vain, and then fail."""
+"""What a process that was killed while it compiled leaves behind: FFCx would wait for it in vain,
+and then fail."""
 
 from __future__ import annotations
 
@@ -16,15 +17,19 @@ ABANDONED = 60.0
 
 
 def build(comm: MPI.Comm, make: Callable[[], Built]) -> Built:
-    """What ``make`` returns; where it waits in vain for a source that another process has begun, it is called again
-    once that source is compiled or, ``ABANDONED``, removed.  Collective on ``comm``.
+    """What ``make`` returns; where it waits in vain for a source that another process has begun, it
+    is called again once that source is compiled or, ``ABANDONED``, removed.  Collective on
+    ``comm``.
 
     Raises: whatever else ``make`` raises.
     """
     while True:
         try:
             return make()
-        except (TimeoutError, RuntimeError) as error:  # several ranks: RuntimeError, the reason on rank 0 only
+        except (
+            TimeoutError,
+            RuntimeError,
+        ) as error:  # several ranks: RuntimeError, the reason on rank 0 only
             found = re.search(r"timed out.*remove (.+\.c)\)", str(error), re.DOTALL)
             source = comm.bcast(found and found[1], root=0)
             if source is None:

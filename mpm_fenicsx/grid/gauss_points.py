@@ -17,7 +17,8 @@ DEGREE = 3
 
 @jit
 def _strain(nodes, slopes, mean, shear, u, out):
-    """Strain rows at Gauss points: ``slopes`` (cells, q, k, dim); ``mean`` the same at centres (or empty)."""
+    """Strain rows at Gauss points: ``slopes`` (cells, q, k, dim); ``mean`` the same at centres (or
+    empty)."""
     dim = u.shape[1]
     g = np.zeros((dim, dim))
     for c in range(len(nodes)):
@@ -45,8 +46,8 @@ def _strain(nodes, slopes, mean, shear, u, out):
 class GaussPoints:
     """2^dim Gauss points a cell, of all local and ghost cells, numbered cell by cell.
 
-    ``digit`` (cells, 2^dim, dim): 0 for the lower one along each direction of a rectilinear grid, 1 for the upper;
-    ``volume`` (points,), m³: the weight of each in an integral.
+    ``digit`` (cells, 2^dim, dim): 0 for the lower one along each direction of a rectilinear grid, 1
+    for the upper; ``volume`` (points,), m³: the weight of each in an integral.
     """
 
     def __init__(self, grid: Grid, mean_volume: bool = False):
@@ -58,7 +59,9 @@ class GaussPoints:
         values, slopes = _trilinear(places, corner)
         jacobian = np.einsum("cki,qkj->cqij", x, slopes)
         self._nodes = dolfinx_versions.cell_dofs(grid.space)
-        self._slopes = np.ascontiguousarray(np.einsum("qkj,cqji->cqki", slopes, np.linalg.inv(jacobian)))
+        self._slopes = np.ascontiguousarray(
+            np.einsum("qkj,cqji->cqki", slopes, np.linalg.inv(jacobian))
+        )
         self._volumes = np.abs(np.linalg.det(jacobian)) * weights
         self.volume = self._volumes.ravel()
         self._mean = np.zeros((len(x), 0, grid.dim))
@@ -87,7 +90,9 @@ class GaussPoints:
     def gradient(self, u: np.ndarray) -> np.ndarray:
         """Gradients (points, dim, dim) of nodal displacements (nodes, dim)."""
         dim = self.grid.dim
-        return np.matmul(u[self._nodes].transpose(0, 2, 1)[:, None], self._slopes).reshape(-1, dim, dim)
+        return np.matmul(u[self._nodes].transpose(0, 2, 1)[:, None], self._slopes).reshape(
+            -1, dim, dim
+        )
 
     def mean_divergence(self, u: np.ndarray) -> np.ndarray:
         """Mean volumetric strain of each cell (cells,)."""
@@ -95,7 +100,8 @@ class GaussPoints:
 
 
 class GaussField:
-    """``size`` numbers at every Gauss point, as a coefficient of forms and as rows (points, size)."""
+    """``size`` numbers at every Gauss point, as a coefficient of forms and as rows (points,
+    size)."""
 
     def __init__(self, grid: Grid, size: int):
         self.function = fem.Function(dolfinx_versions.quadrature_space(grid.mesh, DEGREE, size))
@@ -115,7 +121,8 @@ def measure(dx: ufl.Measure) -> ufl.Measure:
 
 
 def _trilinear(places: np.ndarray, corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Bilinear (trilinear) shape functions (q, k) and their slopes (q, k, dim) at reference places (q, dim)."""
+    """Bilinear (trilinear) shape functions (q, k) and their slopes (q, k, dim) at reference places
+    (q, dim)."""
     dim = corner.shape[1]
     one = np.where(corner, places[:, None], 1.0 - places[:, None])
     slopes = np.empty((*one.shape[:2], dim))

@@ -47,9 +47,10 @@ class GridSurface:
 class Grid:
     """A background grid on a dolfinx mesh of quadrilaterals or hexahedra.
 
-    ``facets`` names sets of exterior facets by functions of x (dim, n) -> bool (n,).  The sides of the bounding
-    box are named already: left, right, bottom, top, and back, front in 3D.  Named sets may share facets with the
-    sides but not with one another.  Raises ``ValueError`` for a name that is taken, an empty or an overlapping set.
+    ``facets`` names sets of exterior facets by functions of x (dim, n) -> bool (n,).  The sides of
+    the bounding box are named already: left, right, bottom, top, and back, front in 3D.  Named sets
+    may share facets with the sides but not with one another.
+    Raises ``ValueError`` for a name that is taken, an empty or an overlapping set.
     """
 
     def __init__(self, mesh, facets: Mapping[str, Locator] | None = None):
@@ -64,33 +65,55 @@ class Grid:
         self.nodes = self.space.dofmap.index_map.size_local + self.space.dofmap.index_map.num_ghosts
         self._mark(_locators(facets or {}))
 
-    # -- making one ---------------------------------------------------------------------------------------------
+    # -- making one --------------------------------------------------------------------------------
 
     @classmethod
-    def box(cls, lower: Sequence[float], upper: Sequence[float], cells: Sequence[int],
-            facets: Mapping[str, Locator] | None = None, comm: MPI.Comm = MPI.COMM_WORLD) -> Grid:
+    def box(
+        cls,
+        lower: Sequence[float],
+        upper: Sequence[float],
+        cells: Sequence[int],
+        facets: Mapping[str, Locator] | None = None,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+    ) -> Grid:
         """Grid of equal cells between two corners (m), in 2D or 3D.
 
         Raises ``ValueError`` for corners or numbers of cells that make no box.
         """
         given = [np.shape(v) for v in (lower, upper, cells)]
         if given[0] not in ((2,), (3,)) or len(set(given)) > 1:
-            raise ValueError(f"a box needs 2 or 3 of lower, upper and cells alike, such as Grid.box((0, 0), (2, 1), "
-                             f"(20, 10)), got {lower}, {upper}, {cells}")
+            raise ValueError(
+                "a box needs 2 or 3 of lower, upper and cells alike, such as Grid.box((0, 0), "
+                "(2, 1), "
+                f"(20, 10)), got {lower}, {upper}, {cells}"
+            )
         cells = [whole("cells", n) for n in cells]
         for a, b in zip(lower, upper, strict=True):
             if finite("lower", a) >= finite("upper", b):
-                raise ValueError(f"lower must lie below upper, got lower={tuple(lower)}, upper={tuple(upper)}")
+                raise ValueError(
+                    f"lower must lie below upper, got lower={tuple(lower)}, upper={tuple(upper)}"
+                )
         lines = [np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, cells, strict=True)]
         return cls.rectilinear(lines, facets, comm)
 
     @classmethod
-    def rectilinear(cls, lines: Sequence[np.ndarray], facets: Mapping[str, Locator] | None = None,
-                    comm: MPI.Comm = MPI.COMM_WORLD) -> Grid:
-        """Grid of the cells between given grid lines, one increasing array of coordinates (m) a direction."""
+    def rectilinear(
+        cls,
+        lines: Sequence[np.ndarray],
+        facets: Mapping[str, Locator] | None = None,
+        comm: MPI.Comm = MPI.COMM_WORLD,
+    ) -> Grid:
+        """Grid of the cells between given grid lines, one increasing array of coordinates (m) a
+        direction."""
         an_object("comm", comm, MPI.Comm, "an MPI communicator")
-        lines = [increasing("grid lines", line) for line in
-                 several("lines", lines, "an array of coordinates a direction, such as [[0, 1, 2], [0, 0.5, 1]]")]
+        lines = [
+            increasing("grid lines", line)
+            for line in several(
+                "lines",
+                lines,
+                "an array of coordinates a direction, such as [[0, 1, 2], [0, 0.5, 1]]",
+            )
+        ]
         if len(lines) not in (2, 3):
             raise ValueError(f"lines must be arrays of 2 or 3 directions, got {len(lines)}")
         counts = [len(line) for line in lines]
@@ -99,16 +122,20 @@ class Grid:
         strides = np.concatenate(([1], np.cumprod(counts)[:-1]))
         corner = np.zeros([n - 1 for n in counts[::-1]], dtype=np.int64)
         for d, n in enumerate(counts):
-            corner += (strides[d] * np.arange(n - 1)).reshape([-1 if e == d else 1 for e in range(len(counts))][::-1])
+            corner += (strides[d] * np.arange(n - 1)).reshape(
+                [-1 if e == d else 1 for e in range(len(counts))][::-1]
+            )
         cells = corner.reshape(-1, 1) + digits(2, len(lines)) @ strides
         return cls(distribute(comm, x, cells), facets)
 
     @classmethod
-    def read(cls, path, facets: Mapping[str, Locator] | None = None, comm: MPI.Comm = MPI.COMM_WORLD) -> Grid:
+    def read(
+        cls, path, facets: Mapping[str, Locator] | None = None, comm: MPI.Comm = MPI.COMM_WORLD
+    ) -> Grid:
         """Grid of the quadrilaterals (else hexahedra) in a file that meshio reads.
 
-        Raises ``ValueError`` for a file without such cells, or whose quadrilaterals do not lie in the xy plane;
-        ``OSError``, on every rank, for one that cannot be read.
+        Raises ``ValueError`` for a file without such cells, or whose quadrilaterals do not lie in
+        the xy plane; ``OSError``, on every rank, for one that cannot be read.
         """
         an_object("comm", comm, MPI.Comm, "an MPI communicator")
         x, cells, fault = np.zeros((0, 3)), np.zeros((0, 4), np.int64), None
@@ -118,18 +145,25 @@ class Grid:
             blocks = {kind: read.get_cells_type(kind) for kind in ("hexahedron", "quad")}
             kind = next((kind for kind, found in blocks.items() if len(found)), None)
             if kind is not None:
-                order = [0, 1, 3, 2] if kind == "quad" else [0, 1, 3, 2, 4, 5, 7, 6]  # ring to tensor order
-                x, cells = read.points[:, : 2 if kind == "quad" else 3], blocks[kind][:, order].astype(np.int64)
+                order = (
+                    [0, 1, 3, 2] if kind == "quad" else [0, 1, 3, 2, 4, 5, 7, 6]
+                )  # ring to tensor order
+                x, cells = (
+                    read.points[:, : 2 if kind == "quad" else 3],
+                    blocks[kind][:, order].astype(np.int64),
+                )
                 used, cells = np.unique(cells, return_inverse=True)
                 x, cells = x[used], cells.reshape(-1, len(order)).astype(np.int64)
                 fault = _out_of_plane(read.points[used]) if kind == "quad" else None
-        fault = comm.bcast(fault if len(cells) else "names a file without quadrilaterals or hexahedra")
+        fault = comm.bcast(
+            fault if len(cells) else "names a file without quadrilaterals or hexahedra"
+        )
         if fault:
             raise ValueError(f"path {fault}: {path}")
         dim = comm.bcast(x.shape[1])
         return cls(distribute(comm, x[:, :dim], cells), facets)
 
-    # -- named facets -------------------------------------------------------------------------------------------
+    # -- named facets ------------------------------------------------------------------------------
 
     def _mark(self, named: dict[str, Locator]) -> None:
         """Tag each exterior facet with the set of names that hold it, one bit a name."""
@@ -178,14 +212,14 @@ class Grid:
             raise ValueError(f"facets: {names} holds no facet")
         return GridSurface(self, names, tags)
 
-    # -- where things are ---------------------------------------------------------------------------------------
+    # -- where things are --------------------------------------------------------------------------
 
     @cached_property
     def lattice(self) -> Lattice:
         """Bounds, neighbours and patches of the cells.
 
-        Raises ``ValueError`` for a mesh that is not rectilinear and, on several ranks, for one without all
-        vertex neighbours as ghosts (``Grid.box`` and ``Grid.read`` make them).
+        Raises ``ValueError`` for a mesh that is not rectilinear and, on several ranks, for one
+        without all vertex neighbours as ghosts (``Grid.box`` and ``Grid.read`` make them).
         """
         corner = self.mesh.geometry.x[dolfinx_versions.cell_vertices(self.mesh)][:, :, : self.dim]
         lower, upper = corner.min(axis=1), corner.max(axis=1)
@@ -193,15 +227,20 @@ class Grid:
         place = (corner - lower[:, None]) / h[:, None]
         with together(self.comm):
             if np.abs(place - np.round(place)).max(initial=0.0) > 1e-8:
-                raise ValueError("mesh must be rectilinear with axes along x, y (z) for material points, and is not")
+                raise ValueError(
+                    "mesh must be rectilinear with axes along x, y (z) for material points, and "
+                    "is not"
+                )
         nodes = self.tensor_order(self.space, 1, lower, h)
         neighbour, patch = beside(lower, upper, nodes)
         self._check_ghosts(nodes)
         return Lattice(lower, upper, nodes, neighbour, patch, h.prod(axis=1))
 
-    def tensor_order(self, V, degree: int, lower: np.ndarray | None = None,
-                     h: np.ndarray | None = None) -> np.ndarray:
-        """Dofs of each cell (cells, (degree + 1)^dim) in tensor order, x fastest, whatever the reference axes."""
+    def tensor_order(
+        self, V, degree: int, lower: np.ndarray | None = None, h: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Dofs of each cell (cells, (degree + 1)^dim) in tensor order, x fastest, whatever the
+        reference axes."""
         if lower is None:
             lower, h = self.lattice.lower, self.lattice.upper - self.lattice.lower
         dofs = dolfinx_versions.cell_dofs(V)
@@ -213,7 +252,8 @@ class Grid:
         return np.take_along_axis(dofs, order.astype(dofs.dtype), axis=1)
 
     def find(self, x: np.ndarray) -> np.ndarray:
-        """Local cell that holds each x (n, dim), m; -1 for none.  A point on an edge lies in the cell above it."""
+        """Local cell that holds each x (n, dim), m; -1 for none.  A point on an edge lies in the
+        cell above it."""
         lattice = self.lattice
         from scipy.spatial import cKDTree
 
@@ -251,7 +291,8 @@ class Grid:
 
     @cached_property
     def index(self) -> np.ndarray:
-        """Which cell along each direction (cells, dim) each is, from 0 on: the same on any number of ranks.
+        """Which cell along each direction (cells, dim) each is, from 0 on: the same on any number
+        of ranks.
 
         Collective when it is first asked for.
         """
@@ -259,7 +300,9 @@ class Grid:
         hair = 1e-6 * self.smallest
         for d in range(self.dim):
             line = np.unique(np.concatenate(self.comm.allgather(np.unique(lower[:, d]))))
-            number = np.concatenate(([0], np.cumsum(np.diff(line) > hair)))  # places a hair apart are one line
+            number = np.concatenate(
+                ([0], np.cumsum(np.diff(line) > hair))
+            )  # places a hair apart are one line
             out[:, d] = number[np.searchsorted(line, lower[:, d])]
         return out
 
@@ -289,8 +332,10 @@ class Grid:
         dolfinx_versions.gather(seen)
         lacking = (seen.x.array.reshape(-1, self.dim)[:, 0] != here) & (owned > 0)
         if self.comm.allreduce(int(lacking.sum())):
-            raise ValueError("mesh must carry all vertex neighbours as ghosts on several ranks: "
-                             "make it with Grid.box or Grid.read")
+            raise ValueError(
+                "mesh must carry all vertex neighbours as ghosts on several ranks: "
+                "make it with Grid.box or Grid.read"
+            )
 
 
 def _read(path):
@@ -304,32 +349,51 @@ def _read(path):
 
 
 def _out_of_plane(x: np.ndarray) -> str | None:
-    """What is wrong with quadrilaterals whose corners x (n, 2 or 3), m, do not lie in a plane z = const."""
+    """What is wrong with quadrilaterals whose corners x (n, 2 or 3), m, do not lie in a plane z =
+    const."""
     extent = np.ptp(x, axis=0)
     if len(extent) < 3 or extent[2] <= 1e-9 * extent.max():
         return None
     flat = [axis for axis, e in zip("xyz", extent, strict=True) if e <= 1e-9 * extent.max()]
-    where = f"in the {'xyz'.replace(flat[0], '')} plane" if flat else f"on a surface in space, {extent} m wide"
-    return f"names a file whose quadrilaterals lie {where}; a grid in 2D lies in the xy plane, so turn the mesh"
+    where = (
+        f"in the {'xyz'.replace(flat[0], '')} plane"
+        if flat
+        else f"on a surface in space, {extent} m wide"
+    )
+    return (
+        f"names a file whose quadrilaterals lie {where}; a grid in 2D lies in the xy "
+        "plane, so turn the mesh"
+    )
 
 
 def _refuse_other_meshes(mesh) -> None:
-    """Raise ``ValueError`` for what is no flat mesh of bilinear quadrilaterals or of trilinear hexahedra."""
+    """Raise ``ValueError`` for what is no flat mesh of bilinear quadrilaterals or of trilinear
+    hexahedra."""
     if not {"comm", "topology", "geometry"} <= set(dir(mesh)):
-        raise ValueError(f"mesh must be a dolfinx mesh, got {mesh!r}; Grid.box and Grid.read make one")
+        raise ValueError(
+            f"mesh must be a dolfinx mesh, got {mesh!r}; Grid.box and Grid.read make one"
+        )
     dim, kind = mesh.topology.dim, str(mesh.topology.cell_name())
     if kind not in ("quadrilateral", "hexahedron"):
-        raise ValueError(f"mesh must be of quadrilaterals or hexahedra, got cells of the kind {kind}")
+        raise ValueError(
+            f"mesh must be of quadrilaterals or hexahedra, got cells of the kind {kind}"
+        )
     if mesh.geometry.dim != dim:
-        raise ValueError(f"mesh must lie in the xy plane, got {kind} cells in {mesh.geometry.dim}D space")
+        raise ValueError(
+            f"mesh must lie in the xy plane, got {kind} cells in {mesh.geometry.dim}D space"
+        )
     cells = mesh.topology.index_map(dim)
     if dolfinx_versions.cell_vertices(mesh).shape[0] != cells.size_local + cells.num_ghosts:
-        raise ValueError(f"mesh must have {2**dim} nodes a cell (of degree 1), got curved cells of more")
+        raise ValueError(
+            f"mesh must have {2**dim} nodes a cell (of degree 1), got curved cells of more"
+        )
 
 
 def _locators(facets: Mapping[str, Locator]) -> dict[str, Locator]:
     """Named functions of x, whose answers are told apart from arrays that are none."""
-    an_object("facets", facets, Mapping, 'functions of x by name, such as {"footing": lambda x: x[0] < 1}')
+    an_object(
+        "facets", facets, Mapping, 'functions of x by name, such as {"footing": lambda x: x[0] < 1}'
+    )
 
     def named(name: str, locate: Locator) -> Locator:
         if not callable(locate):
@@ -338,8 +402,10 @@ def _locators(facets: Mapping[str, Locator]) -> dict[str, Locator]:
         def answer(x: np.ndarray) -> np.ndarray:
             found = np.asarray(locate(x))
             if found.shape != x.shape[1:]:
-                raise ValueError(f"facets: {name!r} must map x (dim, n) to bool (n,), gave {found.shape} for "
-                                 f"n={x.shape[1]}")
+                raise ValueError(
+                    f"facets: {name!r} must map x (dim, n) to bool (n,), gave {found.shape} for "
+                    f"n={x.shape[1]}"
+                )
             return found.astype(bool)
 
         return answer

@@ -10,7 +10,8 @@ from . import dolfinx_versions
 
 
 def distribute(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray):
-    """Mesh of x and cells (as given on rank 0), cut by coordinate bisection, all vertex neighbours ghosted."""
+    """Mesh of x and cells (as given on rank 0), cut by coordinate bisection, all vertex neighbours
+    ghosted."""
     if comm.rank:
         x, cells = x[:0], cells[:0]
 
@@ -23,14 +24,21 @@ def distribute(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray):
         touches[cells.ravel(), np.repeat(owner, cells.shape[1])] = True
         wanted = touches[cells].any(axis=1)
         wanted[np.arange(len(cells)), owner] = False
-        destinations = [np.concatenate(([o], np.flatnonzero(w))) for o, w in zip(owner, wanted, strict=True)]
-        return np.concatenate(([0], np.cumsum([len(d) for d in destinations]))), np.concatenate(destinations)
+        destinations = [
+            np.concatenate(([o], np.flatnonzero(w))) for o, w in zip(owner, wanted, strict=True)
+        ]
+        return np.concatenate(([0], np.cumsum([len(d) for d in destinations]))), np.concatenate(
+            destinations
+        )
 
     return dolfinx_versions.create_mesh(comm, x, cells, owners)
 
 
-def _bisect(centre: np.ndarray, cells: np.ndarray, first: int, ranks: int, owner: np.ndarray) -> None:
-    """Give ``cells`` to ``ranks`` ranks from ``first`` on, cutting the longest direction again and again."""
+def _bisect(
+    centre: np.ndarray, cells: np.ndarray, first: int, ranks: int, owner: np.ndarray
+) -> None:
+    """Give ``cells`` to ``ranks`` ranks from ``first`` on, cutting the longest direction again and
+    again."""
     if ranks == 1:
         owner[cells] = first
         return

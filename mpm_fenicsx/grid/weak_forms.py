@@ -1,6 +1,7 @@
 """Every weak form: coefficients and a test function in, integrand out.
 
-A field projected from material points and a constant of a finite element run are the same thing here.
+A field projected from material points and a constant of a finite element run are the same thing
+here.
 """
 
 from __future__ import annotations
@@ -42,7 +43,9 @@ def symmetric(numbers):
     """Symmetric matrix of its upper triangle, row by row."""
     size = int((8 * len(numbers) + 1) ** 0.5 - 1) // 2
     at = {pair: k for k, pair in enumerate(zip(*np.triu_indices(size), strict=True))}
-    return as_matrix([[numbers[at[min(i, j), max(i, j)]] for j in range(size)] for i in range(size)])
+    return as_matrix(
+        [[numbers[at[min(i, j), max(i, j)]] for j in range(size)] for i in range(size)]
+    )
 
 
 def plastic_work(stress, w):
@@ -91,8 +94,8 @@ def dashpot(impedance, velocity, w):
 
 
 def spring(stiffness, u, stored, w):
-    """Virtual work of a boundary spring, eq. (15): stiffness a tensor (Pa/m), ``stored`` the traction (Pa) that it
-    bore before the increment u."""
+    """Virtual work of a boundary spring, eq. (15): stiffness a tensor (Pa/m), ``stored`` the
+    traction (Pa) that it bore before the increment u."""
     return inner(stiffness * u + stored, w)
 
 

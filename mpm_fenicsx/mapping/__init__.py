@@ -1,1 +1,2 @@
-"""From points to the grid and back: shape functions, patches, projection, and the table of methods."""
+"""From points to the grid and back: shape functions, patches, projection, and the table of
+methods."""

@@ -11,11 +11,12 @@ from ..grid.grid import Grid
 class Composite:
     """Gradients from composite patches of up to four nodes (CMPM), for the points of one material.
 
-    The derivative along a direction is that of the Lagrange polynomial through the nodes of the cell and of those
-    neighbours along it that hold points of the same material, at the cell's rows of nodes; between the rows it is
-    linear.  Strain jumps where two materials meet, and a polynomial through cells of both is wrong by construction.
-    With polynomials across as well (a tensor product) a free body gains energy, and is less accurate: see
-    studies/composite_across.py.  Coefficients belong to the cell and are refreshed only where the patch has changed.
+    The derivative along a direction is that of the Lagrange polynomial through the nodes of the
+    cell and of those neighbours along it that hold points of the same material, at the cell's rows
+    of nodes; between the rows it is linear.  Strain jumps where two materials meet, and a
+    polynomial through cells of both is wrong by construction. With polynomials across as well (a
+    tensor product) a free body gains energy, and is less accurate: see studies/composite_across.py.
+    Coefficients belong to the cell and are refreshed only where the patch has changed.
     """
 
     def __init__(self, grid: Grid):
@@ -24,12 +25,14 @@ class Composite:
         self.power = np.zeros((grid.cells, grid.dim, 4, 4))
 
     def place(self, filled: np.ndarray) -> None:
-        """Refresh for the cells that hold points of the material, ``filled`` (cells,) of 0 and 1."""
+        """Refresh for the cells that hold points of the material, ``filled`` (cells,) of 0 and
+        1."""
         lat = self.grid.lattice
         coefficients(filled, lat.neighbour, lat.lower, lat.upper, self.extent, self.power)
 
     def gradient_at_points(self, x: np.ndarray, cell: np.ndarray, nodal: np.ndarray) -> np.ndarray:
-        """Gradients (n, dim, dim) at points x (n, dim) in cells (n,) of nodal vectors (nodes, dim)."""
+        """Gradients (n, dim, dim) at points x (n, dim) in cells (n,) of nodal vectors (nodes,
+        dim)."""
         grid, lat = self.grid, self.grid.lattice
         out = np.empty((len(x), grid.dim, grid.dim))
         gradients(grid.axes, x, cell, lat.lower, lat.upper, self.power, lat.around, nodal, out)
@@ -38,8 +41,9 @@ class Composite:
 
 @jit
 def coefficients(filled, neighbour, lower, upper, extent, power):
-    """How far each cell's patch reaches, ``extent`` (cells, dim, 2), and for each direction the coefficients
-    ``power`` (cells, dim, 4, 4) of t⁰ … t³ of the Lagrange polynomials at its four places; t from 0 to 1 in the cell.
+    """How far each cell's patch reaches, ``extent`` (cells, dim, 2), and for each direction the
+    coefficients ``power`` (cells, dim, 4, 4) of t⁰ … t³ of the Lagrange polynomials at its four
+    places; t from 0 to 1 in the cell.
     """
     at = np.array([0.0, 0.0, 1.0, 0.0])
     there = np.array([False, True, True, False])

@@ -26,10 +26,27 @@ def _count(side):
 
 
 @jit
-def _pair(side, span, share, cell, volume, neighbour, dual, place, digit, corners, cell_volume, point, gauss, weight):
-    """Pairs of a point and a Gauss point that it reaches, with w_gp |c|-weighted; returns their number.
+def _pair(
+    side,
+    span,
+    share,
+    cell,
+    volume,
+    neighbour,
+    dual,
+    place,
+    digit,
+    corners,
+    cell_volume,
+    point,
+    gauss,
+    weight,
+):
+    """Pairs of a point and a Gauss point that it reaches, with w_gp |c|-weighted; returns their
+    number.
 
-    ``place`` (2,) reference coordinates of the Gauss points along a direction, ``dual`` as in ``Projection``.
+    ``place`` (2,) reference coordinates of the Gauss points along a direction, ``dual`` as in
+    ``Projection``.
     """
     n, dim = side.shape
     line = np.empty((dim, 2, 2))
@@ -69,11 +86,28 @@ def add(gauss, weight, values, out):
             out[gauss[m], f] += weight[m] * values[m, f]
 
 
-def pairs_of(gauss: GaussPoints, body: MaterialPoints, at: Stencil) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Points (m,), Gauss points that they reach (m,) and w_gp (m,), for the points where they are now."""
+def pairs_of(
+    gauss: GaussPoints, body: MaterialPoints, at: Stencil
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points (m,), Gauss points that they reach (m,) and w_gp (m,), for the points where they are
+    now."""
     lat = gauss.grid.lattice
     most = _count(at.side) * gauss.digit.shape[1]
     point, where, weight = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
-    found = _pair(at.side, at.span, at.share, at.cell, body.volume, lat.neighbour, DOUBLE_MAPPED.dual, PLACE,
-                  gauss.digit, digits(2, gauss.grid.dim), lat.volume, point, where, weight)
+    found = _pair(
+        at.side,
+        at.span,
+        at.share,
+        at.cell,
+        body.volume,
+        lat.neighbour,
+        DOUBLE_MAPPED.dual,
+        PLACE,
+        gauss.digit,
+        digits(2, gauss.grid.dim),
+        lat.volume,
+        point,
+        where,
+        weight,
+    )
     return point[:found], where[:found], weight[:found]

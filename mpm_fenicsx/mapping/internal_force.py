@@ -15,7 +15,8 @@ from ..points.material_points import MaterialPoints
 from .shape_functions import Stencil
 
 SPREAD = 0.05
-"""Least determinant of the places' gradient, 1 where points fill the cells around: below, stress is constant."""
+"""Least determinant of the places' gradient, 1 where points fill the cells around: below, stress is
+constant."""
 
 
 class ConstantStress:
@@ -24,25 +25,32 @@ class ConstantStress:
     def __init__(self, grid: Grid):
         self.grid = grid
 
-    def add(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil], internal: np.ndarray) -> None:
+    def add(
+        self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil], internal: np.ndarray
+    ) -> None:
         """Add the force of all bodies to ``internal`` (nodes, dim), N."""
         for body, stencil in zip(bodies, stencils, strict=True):
             self.add_stress(body, stencil, tensors.matrix(body.stress, self.grid.dim), internal)
 
-    def add_stress(self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray, internal: np.ndarray) -> None:
+    def add_stress(
+        self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray, internal: np.ndarray
+    ) -> None:
         """Add that of a stress (n, dim, dim), Pa, in place of the body's own."""
         stencil.deposit_divergence(body.volume[:, None, None] * stress, internal)
 
 
 class LinearStress:
-    """Stress is linear over each support domain, and each part that grid lines cut off pulls with that at its centre.
+    """Stress is linear over each support domain, and each part that grid lines cut off pulls with
+    that at its centre.
 
-    Where it is taken as constant, the parts pull with the stress of the whole: dipoles that move with the points and do
-    not cancel where domains differ or the body ends, which leaves stress off by O(h) (studies/manufactured_causes.py).
-    Adds up Σ_p Σ_k V_k (σ_p + G_p (x_k − x_p)) ∇N_i(x_k) over the parts k of cut support domains, x_k their centres.
+    Where it is taken as constant, the parts pull with the stress of the whole: dipoles that move
+    with the points and do not cancel where domains differ or the body ends, which leaves stress off
+    by O(h) (studies/manufactured_causes.py). Adds up Σ_p Σ_k V_k (σ_p + G_p (x_k − x_p)) ∇N_i(x_k)
+    over the parts k of cut support domains, x_k their centres.
 
-    G_p is exact where stress is linear in space, whatever the points: nodes carry the means σ̄_i and x̄_i of stress and
-    place around, and G Σ x̄_i ⊗ ∇S_i = Σ σ̄_i ⊗ ∇S_i.  Each body has nodal means of its own.
+    G_p is exact where stress is linear in space, whatever the points: nodes carry the means σ̄_i
+    and x̄_i of stress and place around, and G Σ x̄_i ⊗ ∇S_i = Σ σ̄_i ⊗ ∇S_i.  Each body has nodal
+    means of its own.
     """
 
     def __init__(self, grid: Grid):
@@ -55,18 +63,29 @@ class LinearStress:
         for k, (i, j) in enumerate(shear):
             self._at[i, j] = self._at[j, i] = grid.dim + k
         numbers = 1 + len(self._columns) + grid.dim
-        self._shared = None if grid.comm.size == 1 else fem.Function(
-            dolfinx_versions.space(grid.mesh, "Lagrange", 1, (numbers,)))
-        self._mean = np.zeros((grid.nodes, numbers)) if self._shared is None else \
-            self._shared.x.array.reshape(grid.nodes, numbers)
+        self._shared = (
+            None
+            if grid.comm.size == 1
+            else fem.Function(dolfinx_versions.space(grid.mesh, "Lagrange", 1, (numbers,)))
+        )
+        self._mean = (
+            np.zeros((grid.nodes, numbers))
+            if self._shared is None
+            else self._shared.x.array.reshape(grid.nodes, numbers)
+        )
 
-    def add(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil], internal: np.ndarray) -> None:
+    def add(
+        self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil], internal: np.ndarray
+    ) -> None:
         """Add the force of all bodies to ``internal`` (nodes, dim), N."""
         for body, stencil in zip(bodies, stencils, strict=True):
             self._add(body, stencil, np.ascontiguousarray(body.stress[:, self._columns]), internal)
 
-    def add_stress(self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray, internal: np.ndarray) -> None:
-        """Add that of a stress (n, dim, dim), Pa, in place of the body's own; what of it is skew is constant."""
+    def add_stress(
+        self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray, internal: np.ndarray
+    ) -> None:
+        """Add that of a stress (n, dim, dim), Pa, in place of the body's own; what of it is skew is
+        constant."""
         turned = stress.transpose(0, 2, 1)
         columns = np.empty((len(stress), len(self._columns)))
         for (i, j), column in np.ndenumerate(self._at):
@@ -76,18 +95,50 @@ class LinearStress:
         if skew.any():
             stencil.deposit_divergence(body.volume[:, None, None] * skew, internal)
 
-    def _add(self, body: MaterialPoints, at: Stencil, stress: np.ndarray, internal: np.ndarray) -> None:
+    def _add(
+        self, body: MaterialPoints, at: Stencil, stress: np.ndarray, internal: np.ndarray
+    ) -> None:
         """Add the force of stress rows (n, columns), Pa."""
         grid, lat = self.grid, self.grid.lattice
         self._mean[:] = 0.0
-        _sum(grid.axes, at.reach, once(stress.shape[1]), lat.around, at.first, at.line, body.volume, stress, body.x,
-             self._mean)
+        _sum(
+            grid.axes,
+            at.reach,
+            once(stress.shape[1]),
+            lat.around,
+            at.first,
+            at.line,
+            body.volume,
+            stress,
+            body.x,
+            self._mean,
+        )
         if self._shared is not None:
             dolfinx_versions.gather(self._shared)  # a node's points lie on several ranks
         _divide(self._mean)
-        _pull(grid.axes, at.reach, once(stress.shape[1]), self._at, at.side, at.span, at.share, at.cell, lat.lower,
-              lat.upper, lat.neighbour, lat.nodes, lat.around, at.first, at.line, at.slope, body.volume, body.x,
-              stress, self._mean, internal)
+        _pull(
+            grid.axes,
+            at.reach,
+            once(stress.shape[1]),
+            self._at,
+            at.side,
+            at.span,
+            at.share,
+            at.cell,
+            lat.lower,
+            lat.upper,
+            lat.neighbour,
+            lat.nodes,
+            lat.around,
+            at.first,
+            at.line,
+            at.slope,
+            body.volume,
+            body.x,
+            stress,
+            self._mean,
+            internal,
+        )
 
 
 @jit
@@ -110,7 +161,8 @@ def _sum(axes, reach, columns, around, first, line, volume, stress, x, out):
 
 @jit
 def _divide(nodal):
-    """Divide nodal sums (nodes, f) by the first of them, which stays; nothing where that is zero."""
+    """Divide nodal sums (nodes, f) by the first of them, which stays; nothing where that is
+    zero."""
     for i in range(len(nodal)):
         if nodal[i, 0] > 0.0:
             share = 1.0 / nodal[i, 0]
@@ -132,9 +184,31 @@ def _invert(a, out):
 
 
 @jit
-def _pull(axes, reach, columns, at, side, span, share, cell, lower, upper, neighbour, nodes, around, first, line, slope,
-          volume, x, stress, mean, out):
-    """The sum of ``LinearStress``; ``mean`` (nodes, 1 + components + dim) of ``_sum``, ``at`` (dim, dim) its σ_ij."""
+def _pull(
+    axes,
+    reach,
+    columns,
+    at,
+    side,
+    span,
+    share,
+    cell,
+    lower,
+    upper,
+    neighbour,
+    nodes,
+    around,
+    first,
+    line,
+    slope,
+    volume,
+    x,
+    stress,
+    mean,
+    out,
+):
+    """The sum of ``LinearStress``; ``mean`` (nodes, 1 + components + dim) of ``_sum``, ``at`` (dim,
+    dim) its σ_ij."""
     dim, n, m = len(axes), len(reach), len(columns)
     found, inverse = np.empty((m + dim, dim)), np.empty((dim, dim))
     gradient, σ = np.zeros((m, dim)), np.empty(m)

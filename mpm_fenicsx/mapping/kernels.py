@@ -1,9 +1,9 @@
 """The loops over points and cells: short, compiled by numba, no idea of their own.
 
-``axes`` is the tuple of directions, (0, 1) or (0, 1, 2), and ``line`` holds weights direction by direction, of which
-tensor products are taken.  Lengths of tuples are known when a kernel is compiled, so that loops over them are unrolled
-(``once`` makes one of the length of a table), and indices without sign need no test for the end they count from:
-together two to four times faster.
+``axes`` is the tuple of directions, (0, 1) or (0, 1, 2), and ``line`` holds weights direction by
+direction, of which tensor products are taken.  Lengths of tuples are known when a kernel is
+compiled, so that loops over them are unrolled (``once`` makes one of the length of a table), and
+indices without sign need no test for the end they count from: together two to four times faster.
 """
 
 from __future__ import annotations
@@ -16,15 +16,17 @@ from ..grid.cells import over_corner
 
 @jit
 def place(axes, x, half, cell, lower, upper, neighbour, side, span, share, first, line, slope):
-    """Cut each point's support domain at the edges of its cell, direction by direction, and weigh the nodes.
+    """Cut each point's support domain at the edges of its cell, direction by direction, and weigh
+    the nodes.
 
-    Segment 0 lies in the point's own cell, segment 1 in the neighbour on ``side`` (-1, 0 for none, 1).
-    ``span`` (n, dim, 2, 2): ends in the cell's reference coordinate [0, 1]; ``share``: fraction of the domain.
-    A half width of zero is the point itself.  Beyond the end of the grid the domain is cut off; where it reaches
-    over an inward corner of the grid, it ends with its own cell.
+    Segment 0 lies in the point's own cell, segment 1 in the neighbour on ``side`` (-1, 0 for none,
+    1). ``span`` (n, dim, 2, 2): ends in the cell's reference coordinate [0, 1]; ``share``: fraction
+    of the domain. A half width of zero is the point itself.  Beyond the end of the grid the domain
+    is cut off; where it reaches over an inward corner of the grid, it ends with its own cell.
 
-    ``line`` (n, dim, k), ``slope`` (1/m): linear shape functions averaged over the domain along each direction, and
-    their derivatives, for k = 2 or 3 nodes from ``first`` on, an entry of ``Lattice.around``.
+    ``line`` (n, dim, k), ``slope`` (1/m): linear shape functions averaged over the domain along
+    each direction, and their derivatives, for k = 2 or 3 nodes from ``first`` on, an entry of
+    ``Lattice.around``.
     """
     n, dim = len(x), len(axes)
     for p in range(n):
@@ -146,7 +148,11 @@ def interpolate(axes, reach, columns, around, first, line, field, out):
                 for j in range(n):
                     across = line[p, 1, j] * (line[p, 2, k] if dim == 3 else 1.0)
                     for i in range(n):
-                        total += across * line[p, 0, i] * field[around[first[p] + np.uint64(i + 4 * j + 16 * k)], f]
+                        total += (
+                            across
+                            * line[p, 0, i]
+                            * field[around[first[p] + np.uint64(i + 4 * j + 16 * k)], f]
+                        )
             out[p, f] = total
 
 

@@ -10,11 +10,13 @@ from .projection import Integration, Projection
 
 
 class Kept:
-    """``fields`` of a projection that follow it cell by cell, where they would be off by more than a part ``limit``.
+    """``fields`` of a projection that follow it cell by cell, where they would be off by more than
+    a part ``limit``.
 
-    At the points where the forms integrate, fresh values lie between 1 - limit and 1 + limit of the kept ones.  So does
-    every matrix that is an integral of them with a positive semidefinite integrand, in the sense of x·Ax: what is kept
-    is the exact step of a body whose density and moduli are off by at most that, which does not add up over steps.
+    At the points where the forms integrate, fresh values lie between 1 - limit and 1 + limit of the
+    kept ones.  So does every matrix that is an integral of them with a positive semidefinite
+    integrand, in the sense of x·Ax: what is kept is the exact step of a body whose density and
+    moduli are off by at most that, which does not add up over steps.
     """
 
     def __init__(self, projection: Projection, limit: float):
@@ -25,17 +27,31 @@ class Kept:
 
     def refresh(self) -> None:
         """Take over what has changed."""
-        fresh, kept = (tuple(f.x.array for f in fields) for fields in (self._fresh.fields, self.fields))
-        _take_over(once(len(fresh)), self._fresh.dofs, self._sample, np.abs(self._sample).sum(axis=1).max(),
-                   self._limit, fresh, kept, self._least)
+        fresh, kept = (
+            tuple(f.x.array for f in fields) for fields in (self._fresh.fields, self.fields)
+        )
+        _take_over(
+            once(len(fresh)),
+            self._fresh.dofs,
+            self._sample,
+            np.abs(self._sample).sum(axis=1).max(),
+            self._limit,
+            fresh,
+            kept,
+            self._least,
+        )
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
-        return {**{f"field {k}": f.x.array for k, f in enumerate(self.fields)}, "least": self._least}
+        return {
+            **{f"field {k}": f.x.array for k, f in enumerate(self.fields)},
+            "least": self._least,
+        }
 
 
 def at_quadrature(integration: Integration, dim: int) -> np.ndarray:
-    """Values (points, nodes) of the shape functions of a discontinuous space where its integrals are taken."""
+    """Values (points, nodes) of the shape functions of a discontinuous space where its integrals
+    are taken."""
     place = 0.5 * (1.0 + np.polynomial.legendre.leggauss((integration.quadrature + 1) // 2)[0])
     line = np.power.outer(place, np.arange(integration.degree + 1)) @ integration.nodal.T
     q, k = (digits(n, dim) for n in line.shape)
@@ -44,10 +60,11 @@ def at_quadrature(integration: Integration, dim: int) -> np.ndarray:
 
 @jit
 def _take_over(columns, dofs, sample, bound, limit, fresh, kept, least):
-    """kept = fresh in cells where that changes a value at a sample by more than ``limit`` times the least there.
+    """kept = fresh in cells where that changes a value at a sample by more than ``limit`` times the
+    least there.
 
-    ``bound``: how many times the largest change of a dof one at a sample can be; ``least`` (cells, columns) of |kept|
-    over the samples, zero where they change sign.
+    ``bound``: how many times the largest change of a dof one at a sample can be; ``least`` (cells,
+    columns) of |kept| over the samples, zero where they change sign.
     """
     for c in range(len(dofs)):
         same = True

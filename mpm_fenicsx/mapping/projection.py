@@ -20,15 +20,16 @@ from ..grid.grid import Grid
 from .shape_functions import Stencil
 
 FEW = 4
-"""Of so many times the points of a surface, a grid has more cells: then only those cells are cleared that hold some."""
+"""Of so many times the points of a surface, a grid has more cells: then only those cells are
+cleared that hold some."""
 
 
 @dataclass(frozen=True, eq=False)
 class Integration:
     """Where the integrals of mass and stiffness are taken.
 
-    ``degree`` of the discontinuous space; ``dual`` (k, k) coefficients of ψ_k in powers of ξ, direction by
-    direction; ``quadrature`` degree that makes the forms' integrals exact.
+    ``degree`` of the discontinuous space; ``dual`` (k, k) coefficients of ψ_k in powers of ξ,
+    direction by direction; ``quadrature`` degree that makes the forms' integrals exact.
     """
 
     name: str
@@ -38,17 +39,21 @@ class Integration:
 
     @property
     def nodal(self) -> np.ndarray:
-        """Coefficients (k, k) of the space's own shape functions, direction by direction, in powers of ξ."""
+        """Coefficients (k, k) of the space's own shape functions, direction by direction, in powers
+        of ξ."""
         return HATS if self.degree == 1 else QUADRATICS
 
 
 HATS = np.array([[1.0, -1.0], [0.0, 1.0]])  # 1 - ξ and ξ, in powers of ξ
-QUADRATICS = np.array([[1.0, -3.0, 2.0], [0.0, 4.0, -4.0], [0.0, -1.0, 2.0]])  # through 0, ½, 1, in powers of ξ
+QUADRATICS = np.array(
+    [[1.0, -3.0, 2.0], [0.0, 4.0, -4.0], [0.0, -1.0, 2.0]]
+)  # through 0, ½, 1, in powers of ξ
 SIMPSON = np.array([1.0, 4.0, 1.0]) / 6.0
 
 
 def _moments() -> np.ndarray:
-    """ψ = M⁻¹ g for the quadratics g through 0, ½, 1 with mass matrix M: then ∫ q_h g = Σ_p V_p q_p g(x_p)."""
+    """ψ = M⁻¹ g for the quadratics g through 0, ½, 1 with mass matrix M: then ∫ q_h g = Σ_p V_p q_p
+    g(x_p)."""
     g = QUADRATICS
     powers = 1.0 / (np.arange(3)[:, None] + np.arange(3) + 1.0)
     return np.linalg.solve(g @ powers @ g.T, g)
@@ -60,16 +65,20 @@ AT_POINTS = Integration("points", 2, _moments(), 5)
 AT_NODES = Integration("nodes", 2, QUADRATICS / SIMPSON[:, None], 3)
 """Point sums, exact, with Simpson's rule (``simpson``).
 
-Its round-off is small where the sum is: a point ξ beyond a cell's edge gives ξ² to the far node, and here 1e-16 ξ of
-noise, where Gauss points leave 1e-16 and with it a matrix that is indefinite.
+Its round-off is small where the sum is: a point ξ beyond a cell's edge gives ξ² to the far node,
+and here 1e-16 ξ of noise, where Gauss points leave 1e-16 and with it a matrix that is indefinite.
 """
 
 
 def simpson(dim: int) -> dict[str, object]:
     """Metadata of the measure that goes with ``AT_NODES``."""
     place = digits(3, dim)
-    return {"quadrature_rule": "custom", "quadrature_degree": AT_NODES.quadrature, "quadrature_points": place / 2.0,
-            "quadrature_weights": SIMPSON[place].prod(axis=1)}
+    return {
+        "quadrature_rule": "custom",
+        "quadrature_degree": AT_NODES.quadrature,
+        "quadrature_points": place / 2.0,
+        "quadrature_weights": SIMPSON[place].prod(axis=1),
+    }
 
 
 DOUBLE_MAPPED = Integration("Gauss points", 1, 2.0 * HATS, 3)
@@ -95,15 +104,31 @@ class Projection:
     def add(self, stencil: Stencil, values: np.ndarray) -> None:
         """Add volume-weighted values V_p q_p (n, fields) of the points of a stencil."""
         lat, dual = self.grid.lattice, self.integration.dual
-        few = len(stencil.reach) == 2 and FEW * len(stencil) < self.grid.cells and self.grid.comm.size == 1
+        few = (
+            len(stencil.reach) == 2
+            and FEW * len(stencil) < self.grid.cells
+            and self.grid.comm.size == 1
+        )
         if few and not isinstance(self._written, slice):
             self._written = np.append(self._written, self.dofs[np.unique(stencil.cell)])
         else:
             self._written = slice(None)
         if self.fields:
-            _project(self.grid.axes, once(len(dual)), once(values.shape[1]), stencil.side, stencil.span, stencil.share,
-                     stencil.cell, lat.volume, lat.neighbour, dual, self.dofs, values,
-                     tuple(f.x.array for f in self.fields))
+            _project(
+                self.grid.axes,
+                once(len(dual)),
+                once(values.shape[1]),
+                stencil.side,
+                stencil.span,
+                stencil.share,
+                stencil.cell,
+                lat.volume,
+                lat.neighbour,
+                dual,
+                self.dofs,
+                values,
+                tuple(f.x.array for f in self.fields),
+            )
 
     def finish(self) -> None:
         """Add up the fields over all ranks."""
@@ -112,11 +137,14 @@ class Projection:
 
 
 @jit
-def _project(axes, nodes, columns, side, span, share, cell, volume, neighbour, dual, dofs, values, out):
+def _project(
+    axes, nodes, columns, side, span, share, cell, volume, neighbour, dual, dofs, values, out
+):
     """Cell by cell, add each point's values to the dofs of a discontinuous field.
 
-    out_ck += q_p / |c| ∏_d Σ_j dual_kj ⟨ξ^j⟩, the mean of ξ^j taken over the segment of the support domain in c.
-    ``values`` (n, columns) are volume-weighted; ``dofs`` (cells, nodes^dim), x fastest; ``out``: one (dofs,) a column.
+    out_ck += q_p / |c| ∏_d Σ_j dual_kj ⟨ξ^j⟩, the mean of ξ^j taken over the segment of the support
+    domain in c. ``values`` (n, columns) are volume-weighted; ``dofs`` (cells, nodes^dim), x
+    fastest; ``out``: one (dofs,) a column.
     """
     dim, n = len(axes), len(nodes)
     line = np.empty((dim, 2, n))
@@ -140,7 +168,9 @@ def _project(axes, nodes, columns, side, span, share, cell, volume, neighbour, d
                     per_volume = 1.0 / volume[c]
                     for k in range(n if dim == 3 else 1):
                         for j in range(n):
-                            across = per_volume * line[1, s, j] * (line[2, r, k] if dim == 3 else 1.0)
+                            across = (
+                                per_volume * line[1, s, j] * (line[2, r, k] if dim == 3 else 1.0)
+                            )
                             for i in range(n):
                                 w = across * line[0, t, i]
                                 dof = dofs[np.uint64(c), np.uint64(i + n * (j + n * k))]

@@ -1,4 +1,5 @@
-"""What material points give to the grid's integrals: density and Lamé's constants, and body forces that vary."""
+"""What material points give to the grid's integrals: density and Lamé's constants, and body forces
+that vary."""
 
 from __future__ import annotations
 
@@ -19,13 +20,19 @@ from .ties import Fills
 class Properties:
     """Density ρ and Lamé's λ, μ of all bodies as discontinuous ``fields``.
 
-    ``mass_dx`` and ``stiffness_dx`` are the measures whose integrals of them are exact.  Mass and stiffness share a
-    projection where the mapping integrates them alike.  With ``reuse`` the fields of a cell stay as they are while they
-    would change by less than that part (``Kept``).
+    ``mass_dx`` and ``stiffness_dx`` are the measures whose integrals of them are exact.  Mass and
+    stiffness share a projection where the mapping integrates them alike.  With ``reuse`` the fields
+    of a cell stay as they are while they would change by less than that part (``Kept``).
     """
 
-    def __init__(self, motion: Motion, mapping: Mapping, bodies: Sequence[MaterialPoints],
-                 stencils: Sequence[Stencil], reuse: float = 0.0):
+    def __init__(
+        self,
+        motion: Motion,
+        mapping: Mapping,
+        bodies: Sequence[MaterialPoints],
+        stencils: Sequence[Stencil],
+        reuse: float = 0.0,
+    ):
         self.grid, self._bodies, self._stencils = motion.grid, bodies, stencils
         self._mass, self._volume = mapping.mass, None
         self._alike = mapping.mass is mapping.integrate
@@ -33,14 +40,19 @@ class Properties:
         self.projections = [Projection(self.grid, way, fields) for way, fields in ways]
         self._kept = [Kept(projection, reuse) for projection in self.projections] if reuse else []
         self.fields = [f for way in self._kept or self.projections for f in way.fields]
-        self.mass_dx, self.stiffness_dx = (_measure(motion, way) for way in (mapping.mass, mapping.integrate))
+        self.mass_dx, self.stiffness_dx = (
+            _measure(motion, way) for way in (mapping.mass, mapping.integrate)
+        )
 
     def project(self) -> None:
         """Refresh the fields for the points where they are now."""
         for projection in self.projections:
             projection.clear()
         for body, stencil in zip(self._bodies, self._stencils, strict=True):
-            mass, moduli = body.mass[:, None], body.volume[:, None] * body.material.kinematics.lame(body.material)
+            mass, moduli = (
+                body.mass[:, None],
+                body.volume[:, None] * body.material.kinematics.lame(body.material),
+            )
             given = [np.hstack((mass, moduli))] if self._alike else [mass, moduli]
             for projection, values in zip(self.projections, given, strict=True):
                 projection.add(stencil, values)
@@ -51,7 +63,8 @@ class Properties:
         self.project_volume()
 
     def fills(self) -> Fills:
-        """How full cells are: of mass where all bodies are as dense, else of volume, which then gets a field."""
+        """How full cells are: of mass where all bodies are as dense, else of volume, which then
+        gets a field."""
         densities = {body.material.density for body in self._bodies}
         if len(densities) == 1:
             return Fills(self.grid, self.fields[0], densities.pop())
@@ -70,11 +83,15 @@ class Properties:
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
-        return {f"{k}/{name}": value for k, kept in enumerate(self._kept) for name, value in kept.state().items()}
+        return {
+            f"{k}/{name}": value
+            for k, kept in enumerate(self._kept)
+            for name, value in kept.state().items()
+        }
 
     def body_force(self, function: Callable[[float, float, np.ndarray], np.ndarray]):
-        """ρb (N/m³) of a body force per mass, ``function`` of start, end and places x (n, dim), taken at the points;
-        and what refreshes it for a step."""
+        """ρb (N/m³) of a body force per mass, ``function`` of start, end and places x (n, dim),
+        taken at the points; and what refreshes it for a step."""
         projection = Projection(self.grid, self._mass, self.grid.dim)
 
         def refresh(start: float, end: float) -> None:

@@ -10,11 +10,13 @@ from . import kernels
 
 
 class Stencil:
-    """Weights of points on the grid's nodes: linear shape functions, or their means over support domains.
+    """Weights of points on the grid's nodes: linear shape functions, or their means over support
+    domains.
 
-    The linear case is that of support domains without extent.  Weights are products of those of the directions, and
-    these are what is kept: ``line`` and ``slope`` (n, dim, k), 1/m, refreshed by ``place``; k = 2, or 3 with support
-    domains.  ``side``, ``span``, ``share`` say how each support domain is cut at the cell's edges (``kernels.place``).
+    The linear case is that of support domains without extent.  Weights are products of those of the
+    directions, and these are what is kept: ``line`` and ``slope`` (n, dim, k), 1/m, refreshed by
+    ``place``; k = 2, or 3 with support domains.  ``side``, ``span``, ``share`` say how each support
+    domain is cut at the cell's edges (``kernels.place``).
     """
 
     def __init__(self, grid: Grid, points: int, support: bool):
@@ -32,18 +34,35 @@ class Stencil:
         return len(self.first)
 
     def place(self, x: np.ndarray, half: np.ndarray | None, cell: np.ndarray) -> None:
-        """Refresh for points at x (n, dim) in cells (n,), with half support domains (n, dim) where there are any."""
+        """Refresh for points at x (n, dim) in cells (n,), with half support domains (n, dim) where
+        there are any."""
         lat = self.grid.lattice
         half = half if self._no_extent is None else self._no_extent
         self.cell = cell
-        kernels.place(self.grid.axes, x, half, cell, lat.lower, lat.upper, lat.neighbour, self.side, self.span,
-                      self.share, self.first, self.line, self.slope)
+        kernels.place(
+            self.grid.axes,
+            x,
+            half,
+            cell,
+            lat.lower,
+            lat.upper,
+            lat.neighbour,
+            self.side,
+            self.span,
+            self.share,
+            self.first,
+            self.line,
+            self.slope,
+        )
 
     @property
     def nodes(self) -> np.ndarray:
-        """The nodes (n, k^dim) of each point, x fastest; one that is not there, without weight, reads 0."""
+        """The nodes (n, k^dim) of each point, x fastest; one that is not there, without weight,
+        reads 0."""
         k, dim = len(self.reach), self.grid.dim
-        return self.grid.lattice.around[self.first[:, None] + digits(k, dim).astype(np.uint64) @ self._strides]
+        return self.grid.lattice.around[
+            self.first[:, None] + digits(k, dim).astype(np.uint64) @ self._strides
+        ]
 
     @property
     def values(self) -> np.ndarray:
@@ -53,7 +72,9 @@ class Stencil:
     @property
     def gradients(self) -> np.ndarray:
         """The weights' gradients (n, k^dim, dim), 1/m."""
-        return np.stack([self._products(set(range(self.grid.dim)) - {d}, {d}) for d in range(self.grid.dim)], -1)
+        return np.stack(
+            [self._products(set(range(self.grid.dim)) - {d}, {d}) for d in range(self.grid.dim)], -1
+        )
 
     @property
     def _strides(self) -> np.ndarray:
@@ -61,42 +82,90 @@ class Stencil:
 
     def _products(self, plain, derived) -> np.ndarray:
         digit = digits(len(self.reach), self.grid.dim)
-        return np.prod([self.line[:, d, digit[:, d]] for d in plain] + [self.slope[:, d, digit[:, d]] for d in derived],
-                       axis=0)
+        return np.prod(
+            [self.line[:, d, digit[:, d]] for d in plain]
+            + [self.slope[:, d, digit[:, d]] for d in derived],
+            axis=0,
+        )
 
-    # -- to the nodes and back ----------------------------------------------------------------------------------
+    # -- to the nodes and back ---------------------------------------------------------------------
 
     def deposit(self, values: np.ndarray, nodal: np.ndarray) -> None:
         """Add Σ_p S_ip q_p of values (n, f) to ``nodal`` (nodes, f)."""
         grid = self.grid
-        kernels.scatter(grid.axes, self.reach, once(values.shape[1]), grid.lattice.around, self.first, self.line,
-                        values, nodal)
+        kernels.scatter(
+            grid.axes,
+            self.reach,
+            once(values.shape[1]),
+            grid.lattice.around,
+            self.first,
+            self.line,
+            values,
+            nodal,
+        )
 
-    def deposit_motion(self, mass: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray,
-                       nodal: np.ndarray) -> None:
-        """Add mass (kg), momentum and mass times acceleration of the points to ``nodal`` (nodes, 1 + 2 dim)."""
+    def deposit_motion(
+        self, mass: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, nodal: np.ndarray
+    ) -> None:
+        """Add mass (kg), momentum and mass times acceleration of the points to ``nodal`` (nodes, 1
+        + 2 dim)."""
         grid = self.grid
-        kernels.scatter_motion(grid.axes, self.reach, grid.lattice.around, self.first, self.line, mass, velocity,
-                               acceleration, nodal)
+        kernels.scatter_motion(
+            grid.axes,
+            self.reach,
+            grid.lattice.around,
+            self.first,
+            self.line,
+            mass,
+            velocity,
+            acceleration,
+            nodal,
+        )
 
     def deposit_divergence(self, stress: np.ndarray, nodal: np.ndarray) -> None:
-        """Add Σ_p σ_p ∇S_ip of volume-weighted stress tensors (n, dim, dim), N m, to ``nodal`` (nodes, dim)."""
+        """Add Σ_p σ_p ∇S_ip of volume-weighted stress tensors (n, dim, dim), N m, to ``nodal``
+        (nodes, dim)."""
         grid = self.grid
-        kernels.scatter_divergence(grid.axes, self.reach, grid.lattice.around, self.first, self.line, self.slope,
-                                   stress, nodal)
+        kernels.scatter_divergence(
+            grid.axes,
+            self.reach,
+            grid.lattice.around,
+            self.first,
+            self.line,
+            self.slope,
+            stress,
+            nodal,
+        )
 
     def at_points(self, nodal: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Nodal values (nodes, f) at the points (n, f), or at ``rows`` of them."""
         grid, first, line = self.grid, self.first[rows], self.line[rows]
         out = np.empty((len(first), nodal.shape[1]))
-        kernels.interpolate(grid.axes, self.reach, once(nodal.shape[1]), grid.lattice.around, first, line, nodal, out)
+        kernels.interpolate(
+            grid.axes,
+            self.reach,
+            once(nodal.shape[1]),
+            grid.lattice.around,
+            first,
+            line,
+            nodal,
+            out,
+        )
         return out
 
     def gradient_at_points(self, nodal: np.ndarray) -> np.ndarray:
         """Gradients (n, dim, dim) at the points of nodal vectors (nodes, dim)."""
         grid, out = self.grid, np.empty((len(self), self.grid.dim, self.grid.dim))
-        kernels.interpolate_gradient(grid.axes, self.reach, grid.lattice.around, self.first, self.line, self.slope,
-                                     nodal, out)
+        kernels.interpolate_gradient(
+            grid.axes,
+            self.reach,
+            grid.lattice.around,
+            self.first,
+            self.line,
+            self.slope,
+            nodal,
+            out,
+        )
         return out
 
     def mean_of_cells(self, values: np.ndarray) -> np.ndarray:

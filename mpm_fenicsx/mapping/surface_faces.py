@@ -1,13 +1,15 @@
 """Faces that surface points stand for, cut where grid lines cross them.
 
-The Gauss points of a face carry a load; between them it is f(s) = Σ_g ℓ_g(s) f_g, the polynomial through them.  A face
-within a cell needs no more: ∫ f N_i dA = Σ_g A_g f_g N_i(x_g).  Where a grid line crosses it N_i has a kink, and the
-integral is taken piece by piece, each with Gauss points q of its own,
+The Gauss points of a face carry a load; between them it is f(s) = Σ_g ℓ_g(s) f_g, the polynomial
+through them.  A face within a cell needs no more: ∫ f N_i dA = Σ_g A_g f_g N_i(x_g).  Where a grid
+line crosses it N_i has a kink, and the integral is taken piece by piece, each with Gauss points q
+of its own,
 
     ∫ f N_i dA = Σ_q Σ_g W_qg A_g f_g N_i(x_q),   Σ_q W_qg = 1:
 
-exact for faces along the grid, also against N_i N_j.  With the face's own points a load misses the nodes beside a
-line by a part of it that does not vanish with the fill of the cells, and moves the light ones among them.
+exact for faces along the grid, also against N_i N_j.  With the face's own points a load misses the
+nodes beside a line by a part of it that does not vanish with the fill of the cells, and moves the
+light ones among them.
 """
 
 from __future__ import annotations
@@ -21,26 +23,35 @@ from ..points.surface_points import SurfacePoints
 from .shape_functions import Stencil
 
 SQRT3 = np.sqrt(3.0)
-OVER = 0.01  # of a cell: so far over the grid's edge a face may reach, as it is drawn from its Gauss points
-SLIVER = 1e-9  # of half a face: no piece is shorter; of a cell: a face that extends no further crosses no line
+# of a cell: so far over the grid's edge a face may reach, as it is drawn from its Gauss points
+OVER = 0.01
+# of half a face: no piece is shorter; of a cell: a face that extends no further crosses no line
+SLIVER = 1e-9
 
 
 class Faces:
-    """Where the loads of surface points act: ``stencil``, that of the points, or of pieces where lines cut faces."""
+    """Where the loads of surface points act: ``stencil``, that of the points, or of pieces where
+    lines cut faces."""
 
     def __init__(self, grid: Grid, points: SurfacePoints):
         self.grid, self.points = grid, points
         sign = 2.0 * digits(2, grid.dim - 1) - 1.0
-        self._toward = SQRT3 * sign.T / len(sign)  # times a face's points: from its centre to its sides, axis by axis
+        self._toward = (
+            SQRT3 * sign.T / len(sign)
+        )  # times a face's points: from its centre to its sides, axis by axis
         self._hair = 1e-9 * grid.smallest  # the same on all ranks, so that they agree on the cell
-        self._cut: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None  # whole points; pieces: face, W
+        self._cut: tuple[np.ndarray, np.ndarray, np.ndarray] | None = (
+            None  # whole points; pieces: face, W
+        )
 
     def within(self, x: np.ndarray, normal: np.ndarray) -> np.ndarray:
-        """Places a hair inside the body: a point on a cell's edge belongs to the cell with the material."""
+        """Places a hair inside the body: a point on a cell's edge belongs to the cell with the
+        material."""
         return x - self._hair * normal
 
     def place(self, own: Stencil) -> str | None:
-        """Cut the faces where they are now, ``own`` being the points' stencil; returns what is wrong, if anything."""
+        """Cut the faces where they are now, ``own`` being the points' stencil; returns what is
+        wrong, if anything."""
         self.stencil, self._cut = own, None
         k = self.points.per_face
         if k == 1 or not len(self.points):
@@ -54,7 +65,9 @@ class Faces:
         if not _ends(centre, axes, cell, lat.lower, lat.upper, lat.neighbour, ends):
             return None
         crossed = np.flatnonzero((ends < 1.0).any(axis=(1, 2)))
-        place, at, weight = _pieces(centre[crossed], axes[:, crossed], np.sort(ends[crossed], axis=2))
+        place, at, weight = _pieces(
+            centre[crossed], axes[:, crossed], np.sort(ends[crossed], axis=2)
+        )
         face = crossed[at]
         whole = np.flatnonzero(~np.isin(np.arange(len(own)) // k, crossed))
         where, edge = cell[face], np.clip(place, self.grid.lower_corner, self.grid.upper_corner)
@@ -66,8 +79,11 @@ class Faces:
             return f"a face of the surface reaches out of the grid at x={place[lost[0]]}"
         self._cut = whole, face, weight
         self.stencil = Stencil(self.grid, len(whole) + len(face), support=False)
-        self.stencil.place(np.concatenate((self.points.x[whole], place)), None,
-                           np.concatenate((own.cell[whole], where)))
+        self.stencil.place(
+            np.concatenate((self.points.x[whole], place)),
+            None,
+            np.concatenate((own.cell[whole], where)),
+        )
         return None
 
     def spread(self, values: np.ndarray) -> np.ndarray:
@@ -96,7 +112,8 @@ class Faces:
 
 @jit
 def _ends(centre, axes, cell, lower, upper, neighbour, out):
-    """Where the lines around the centres' cells cut faces, ``out`` (faces, axes, 2 dim), s in (-1, 1); 1 for nowhere.
+    """Where the lines around the centres' cells cut faces, ``out`` (faces, axes, 2 dim), s in (-1,
+    1); 1 for nowhere.
 
     Returns whether there are any.
     """
@@ -108,7 +125,11 @@ def _ends(centre, axes, cell, lower, upper, neighbour, out):
                 axis = axes[j, f, d]
                 for side in range(2):
                     s = 1.0
-                    if c >= 0 and neighbour[c, d, side] >= 0 and abs(axis) > SLIVER * (upper[c, d] - lower[c, d]):
+                    if (
+                        c >= 0
+                        and neighbour[c, d, side] >= 0
+                        and abs(axis) > SLIVER * (upper[c, d] - lower[c, d])
+                    ):
                         s = ((lower[c, d] if side == 0 else upper[c, d]) - centre[f, d]) / axis
                         s = s if abs(s) < 1.0 - SLIVER else 1.0
                     out[f, j, 2 * d + side] = s
@@ -116,18 +137,27 @@ def _ends(centre, axes, cell, lower, upper, neighbour, out):
     return crossed
 
 
-def _pieces(centre: np.ndarray, axes: np.ndarray, ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _pieces(
+    centre: np.ndarray, axes: np.ndarray, ends: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Gauss points (m, dim) of the pieces, their faces (m,) and W (m, points of a face).
 
-    ``axes`` (axes, faces, dim) from the centres (faces, dim) to the faces' sides; ``ends`` (faces, axes, cuts), sorted.
+    ``axes`` (axes, faces, dim) from the centres (faces, dim) to the faces' sides; ``ends`` (faces,
+    axes, cuts), sorted.
     """
     faces, dim = centre.shape
-    edge = np.concatenate((-np.ones((*ends.shape[:2], 1)), ends, np.ones((*ends.shape[:2], 1))), axis=2)
+    edge = np.concatenate(
+        (-np.ones((*ends.shape[:2], 1)), ends, np.ones((*ends.shape[:2], 1))), axis=2
+    )
     half, middle = 0.5 * np.diff(edge, axis=2), 0.5 * (edge[:, :, 1:] + edge[:, :, :-1])
-    s = (middle[..., None] + half[..., None] * np.array([-1.0, 1.0]) / SQRT3).reshape(faces, dim - 1, -1)
+    s = (middle[..., None] + half[..., None] * np.array([-1.0, 1.0]) / SQRT3).reshape(
+        faces, dim - 1, -1
+    )
     weight = np.repeat(half, 2, axis=2)
     many = digits(s.shape[2], dim - 1)  # a Gauss point along each axis
-    s, weight = (np.stack([a[:, j, many[:, j]] for j in range(dim - 1)], axis=2) for a in (s, weight))
+    s, weight = (
+        np.stack([a[:, j, many[:, j]] for j in range(dim - 1)], axis=2) for a in (s, weight)
+    )
     face, q = np.nonzero((weight > 0.0).all(axis=2))
     s, weight = s[face, q], weight[face, q].prod(axis=1)
     place = centre[face] + sum(s[:, j, None] * axis[face] for j, axis in enumerate(axes))

@@ -1,17 +1,18 @@
 """Ties: nodes that cut cells hold by next to nothing go with the nodes beside them.
 
-A node i at which the body ends a hair beyond a grid line has hardly any mass and stiffness, while the stress of the
-points there pulls at it in full: its equation says no more than that the stress at the body's edge is zero at a point
-inside the body, and strain recovered from composite patches does not feel such a node at all.  No iteration balances
-it, and in dynamics it is thrown.  It is no degree of freedom of its own here: it continues the line through the two
-nodes a and b next to it in the body,
+A node i at which the body ends a hair beyond a grid line has hardly any mass and stiffness, while
+the stress of the points there pulls at it in full: its equation says no more than that the stress
+at the body's edge is zero at a point inside the body, and strain recovered from composite patches
+does not feel such a node at all.  No iteration balances it, and in dynamics it is thrown.  It is no
+degree of freedom of its own here: it continues the line through the two nodes a and b next to it in
+the body,
 
     u_i = u_a + (u_a − u_b) |x_i − x_a| / |x_a − x_b|,
 
-or the mean of these over the directions and cells that have them: u = P u.  Forces go the other way, Pᵀ r, and the
-system is PᵀKP: virtual work of all motions that the body is left with.  Linear motions are kept, so that forces and
-their moments are too.  (Extended B-splines, Höllig, Reif & Wipper 2001; aggregated elements, Badia, Verdugo & Martín
-2018.)
+or the mean of these over the directions and cells that have them: u = P u.  Forces go the other
+way, Pᵀ r, and the system is PᵀKP: virtual work of all motions that the body is left with.  Linear
+motions are kept, so that forces and their moments are too.  (Extended B-splines, Höllig, Reif &
+Wipper 2001; aggregated elements, Badia, Verdugo & Martín 2018.)
 """
 
 from __future__ import annotations
@@ -30,23 +31,29 @@ from ..grid.grid import Grid
 from .projection import HATS, QUADRATICS
 
 HEAVY, HEAVY_ENOUGH = 0.25, 0.0625
-"""Of what a full cell gives to each of its nodes: a node is held by a cell with a point in it that gives so much, and
-one half full does; and in dynamics that do not start from stress, by what a quarter of a cell gives.  With less
-than the first, bodies at rest settle slowly or not at all; with more than the second, a dashpot that crosses cells is
-less accurate (the column's base: 0.41 % at a quarter, 0.43 % at a half, 0.42 % without ties), and so are the free ends
-of a bar that moves (stress 0.18 % at a quarter and without ties, 0.46 % at a half)."""
+"""Of what a full cell gives to each of its nodes: a node is held by a cell with a point in it that
+gives so much, and one half full does; and in dynamics that do not start from stress, by what a
+quarter of a cell gives.  With less than the first, bodies at rest settle slowly or not at all; with
+more than the second, a dashpot that crosses cells is less accurate (the column's base: 0.41 % at a
+quarter, 0.43 % at a half, 0.42 % without ties), and so are the free ends of a bar that moves
+(stress 0.18 % at a quarter and without ties, 0.46 % at a half)."""
 TRACE = 1e-8
-"""Of what a full cell gives to a node: a cell with less holds nothing, be it round-off or a corner over a line."""
+"""Of what a full cell gives to a node: a cell with less holds nothing, be it round-off or a corner
+over a line."""
 MOST = 0.5
-"""Of its own mass: a node with less when light ones have handed it theirs, which may be less than none, is left out."""
+"""Of its own mass: a node with less when light ones have handed it theirs, which may be less than
+none, is left out."""
 LAYERS = 4
-"""How often what is tied may tie others: nodes across edges and corners of the body come in turn."""
+"""How often what is tied may tie others: nodes across edges and corners of the body come in
+turn."""
 
 
 class Ties:
-    """Which nodes of a grid are light, and what they are tied to: ``P`` (dofs, dofs), or None while nothing is tied.
+    """Which nodes of a grid are light, and what they are tied to: ``P`` (dofs, dofs), or None while
+    nothing is tied.
 
-    ``fixed`` (dofs,): those whose motion is known, which stay as they are; ``tied`` (dofs,): those that are.
+    ``fixed`` (dofs,): those whose motion is known, which stay as they are; ``tied`` (dofs,): those
+    that are.
     """
 
     def __init__(self, grid: Grid, fixed: np.ndarray):
@@ -56,7 +63,8 @@ class Ties:
         self._shown = np.zeros(2 * grid.nodes + grid.cells, dtype=bool)
 
     def tie(self, light: np.ndarray, heavy: np.ndarray, cells: np.ndarray) -> bool:
-        """Tie light nodes to heavy ones (nodes,) through ``cells`` (cells,); whether what is tied has changed."""
+        """Tie light nodes to heavy ones (nodes,) through ``cells`` (cells,); whether what is tied
+        has changed."""
         shown = np.concatenate((light, heavy, cells))
         changed = self.grid.comm.allreduce(int(not np.array_equal(shown, self._shown)), op=MPI.MAX)
         if not changed:
@@ -85,9 +93,11 @@ class Ties:
         self.tied &= ~self._fixed
         return P
 
-    def _beside(self, light: np.ndarray, known: np.ndarray,
-                cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Light nodes (m,), the next two nodes on a line with each (m, 2), both known, and their weights (m, 2)."""
+    def _beside(
+        self, light: np.ndarray, known: np.ndarray, cells: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Light nodes (m,), the next two nodes on a line with each (m, 2), both known, and their
+        weights (m, 2)."""
         grid, lat = self.grid, self.grid.lattice
         base, h = 4 ** np.arange(grid.dim), lat.upper - lat.lower
         patch = lat.patch[: grid.owned_cells]
@@ -97,19 +107,34 @@ class Ties:
             at = np.flatnonzero(light[patch[:, place]] & cells[: grid.owned_cells])
             for d in range(grid.dim):
                 step = (1 - 2 * corner[d]) * base[d]
-                a, b, beyond = patch[at, place + step], patch[at, place + 2 * step], lat.neighbour[at, d, 1 - corner[d]]
+                a, b, beyond = (
+                    patch[at, place + step],
+                    patch[at, place + 2 * step],
+                    lat.neighbour[at, d, 1 - corner[d]],
+                )
                 fits = (beyond >= 0) & known[a] & known[b] & cells[beyond]
                 ratio = h[at, d][fits] / h[beyond, d][fits]
-                rows.append((patch[at, place][fits], np.stack((a[fits], b[fits]), 1), np.stack((1 + ratio, -ratio), 1)))
+                rows.append(
+                    (
+                        patch[at, place][fits],
+                        np.stack((a[fits], b[fits]), 1),
+                        np.stack((1 + ratio, -ratio), 1),
+                    )
+                )
         node, beside, weight = (np.concatenate(part) for part in zip(*rows, strict=True))
         return node, beside, weight
 
-    def _layer(self, node: np.ndarray, beside: np.ndarray, weight: np.ndarray, found: np.ndarray) -> PETSc.Mat:
-        """Rows of ties, added up, where they are ``found`` (nodes,); elsewhere every dof is its own."""
+    def _layer(
+        self, node: np.ndarray, beside: np.ndarray, weight: np.ndarray, found: np.ndarray
+    ) -> PETSc.Mat:
+        """Rows of ties, added up, where they are ``found`` (nodes,); elsewhere every dof is its
+        own."""
         grid, numbers = self.grid, self.grid.space.dofmap.index_map
         dim, owned = grid.dim, numbers.size_local
         tied = (found[:, None] & ~self._fixed.reshape(-1, dim)).ravel()
-        number = dim * numbers.local_to_global(np.arange(grid.nodes, dtype=np.int32)).astype(PETSc.IntType)
+        number = dim * numbers.local_to_global(np.arange(grid.nodes, dtype=np.int32)).astype(
+            PETSc.IntType
+        )
         component = np.arange(dim, dtype=PETSc.IntType)
         moves = tied.reshape(-1, dim)[node].ravel()
         rows = (number[node][:, None] + component).ravel()[moves]
@@ -121,9 +146,13 @@ class Ties:
         P.setBlockSizes(dim, dim)
         most = np.where(tied[: dim * owned], 1 + 4 * dim, 1)
         here, elsewhere = dim * owned, dim * (numbers.size_global - owned)
-        P.setPreallocationNNZ(tuple(np.minimum(most, n).astype(PETSc.IntType) for n in (here, elsewhere)))
+        P.setPreallocationNNZ(
+            tuple(np.minimum(most, n).astype(PETSc.IntType) for n in (here, elsewhere))
+        )
         P.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, False)
-        own = np.arange(*P.getOwnershipRange(), dtype=PETSc.IntType)  # zeros too: PᵀAP needs a whole diagonal
+        own = np.arange(
+            *P.getOwnershipRange(), dtype=PETSc.IntType
+        )  # zeros too: PᵀAP needs a whole diagonal
         _add(P, own, own[:, None], np.where(tied[: dim * owned], 0.0, 1.0)[:, None])
         _add(P, rows, columns, values)
         P.assemble()
@@ -143,7 +172,7 @@ class Ties:
         """PᵀAP without what is fixed, ``into`` that of an earlier step with the same ties."""
         return A.PtAP(self.free) if into is None else A.PtAP(self.free, result=into)
 
-    # -- motions and forces --------------------------------------------------------------------------------------
+    # -- motions and forces ------------------------------------------------------------------------
 
     def follow(self, f: fem.Function) -> None:
         """Light nodes take the values that their ties give them."""
@@ -162,8 +191,8 @@ class Ties:
         self._apply(self.free.multTranspose, f)
 
     def follow_with_momentum(self, v: fem.Function, mass: np.ndarray) -> None:
-        """Velocities of light nodes follow, and what that takes of the momentum of lumped ``mass`` (nodes,), kg, goes
-        to those they are tied to.  Linear velocities stay as they are."""
+        """Velocities of light nodes follow, and what that takes of the momentum of lumped ``mass``
+        (nodes,), kg, goes to those they are tied to.  Linear velocities stay as they are."""
         lost = v.x.array.copy()
         self.follow(v)
         lost -= v.x.array
@@ -173,8 +202,9 @@ class Ties:
         v.x.array[:] += change.x.array
 
     def divide(self, force: fem.Function, mass: np.ndarray) -> None:
-        """Forces (N) become accelerations of lumped ``mass`` (nodes,), kg; light nodes hand both to those they are tied
-        to, and follow these.  Nodes to which they hand more mass than those have, less than none, get nothing."""
+        """Forces (N) become accelerations of lumped ``mass`` (nodes,), kg; light nodes hand both to
+        those they are tied to, and follow these.  Nodes to which they hand more mass than those
+        have, less than none, get nothing."""
         own = np.repeat(mass, self.grid.dim)
         shared = fem.Function(force.function_space)
         shared.x.array[:] = own
@@ -186,7 +216,8 @@ class Ties:
         self.follow(force)
 
     def accelerate(self, force: fem.Function, mass: np.ndarray) -> None:
-        """Forces (N) become accelerations of all motions left, PᵀM̄P a = Pᵀf, M̄ of lumped ``mass`` (nodes,), kg."""
+        """Forces (N) become accelerations of all motions left, PᵀM̄P a = Pᵀf, M̄ of lumped ``mass``
+        (nodes,), kg."""
         diagonal, f = self.P.createVecRight(), self.P.createVecLeft()
         owned = len(diagonal.array)
         diagonal.array[:] = np.repeat(mass, self.grid.dim)[:owned]
@@ -210,8 +241,8 @@ class Ties:
         self.follow(force)
 
     def hand_over(self, values: np.ndarray, givers: np.ndarray, takers: np.ndarray) -> np.ndarray:
-        """Nodal values (nodes,) after light nodes among ``givers`` (nodes,) gave theirs to ``takers`` on a line with
-        them; on one rank."""
+        """Nodal values (nodes,) after light nodes among ``givers`` (nodes,) gave theirs to
+        ``takers`` on a line with them; on one rank."""
         light, _, cells = np.split(self._shown, np.cumsum([self.grid.nodes] * 2))
         node, beside, weight = self._beside(light & givers, takers, cells)
         share = values[node] / np.maximum(np.bincount(node, minlength=self.grid.nodes)[node], 1)
@@ -231,14 +262,20 @@ class Ties:
 def _add(P: PETSc.Mat, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> None:
     """Add values (m, k) in rows (m,) and columns (m, k)."""
     starts = columns.shape[1] * np.arange(len(rows) + 1, dtype=PETSc.IntType)
-    P.setValuesIJV(starts, np.ascontiguousarray(columns.ravel()), np.ascontiguousarray(values.ravel()),
-                   PETSc.InsertMode.ADD_VALUES, rows)
+    P.setValuesIJV(
+        starts,
+        np.ascontiguousarray(columns.ravel()),
+        np.ascontiguousarray(values.ravel()),
+        PETSc.InsertMode.ADD_VALUES,
+        rows,
+    )
 
 
 class Fills:
     """What cells give to their nodes, as a part of what full ones give.
 
-    ``field`` is that of the points' mass, ``full`` (kg/m³) its value where a cell is full; or of their volume, and 1.
+    ``field`` is that of the points' mass, ``full`` (kg/m³) its value where a cell is full; or of
+    their volume, and 1.
     """
 
     def __init__(self, grid: Grid, field: fem.Function, full: float):
@@ -246,19 +283,31 @@ class Fills:
         self.grid, self._field = grid, field
         self._dofs = grid.tensor_order(field.function_space, nodes - 1)
         g = HATS if nodes == 2 else QUADRATICS
-        line = 2.0 * g @ (1.0 / (np.arange(nodes)[:, None] + np.arange(2) + 1.0)) @ HATS.T  # 2 ∫ g N over a cell's side
+        line = (
+            2.0 * g @ (1.0 / (np.arange(nodes)[:, None] + np.arange(2) + 1.0)) @ HATS.T
+        )  # 2 ∫ g N over a cell's side
         self._weights = line / full
         for _ in range(grid.dim - 1):
             self._weights = np.kron(self._weights, line)
         self.best, self.there = np.zeros(grid.nodes), np.zeros(grid.cells, dtype=bool)
 
     def weigh(self, cells: np.ndarray, pointed: np.ndarray) -> None:
-        """``best`` (nodes,): the most that any of ``cells`` (n,) gives to a node, of those that hold a point,
-        ``pointed`` (cells,); ``there`` (cells,): which of them hold anything; and ``largest``, at most 1: the most that
-        one of all ranks does, as points given by hand may fill no cell."""
+        """``best`` (nodes,): the most that any of ``cells`` (n,) gives to a node, of those that
+        hold a point, ``pointed`` (cells,); ``there`` (cells,): which of them hold anything; and
+        ``largest``, at most 1: the most that one of all ranks does, as points given by hand may
+        fill no cell."""
         nodes = self.grid.lattice.nodes
         self.best[nodes[cells]] = 0.0
-        largest = _weigh(cells, self._field.x.array, self._dofs, self._weights, pointed, nodes, self.best, self.there)
+        largest = _weigh(
+            cells,
+            self._field.x.array,
+            self._dofs,
+            self._weights,
+            pointed,
+            nodes,
+            self.best,
+            self.there,
+        )
         self.largest = min(1.0, self.grid.comm.allreduce(largest, op=MPI.MAX))
 
 
@@ -280,8 +329,8 @@ def _weigh(cells, values, dofs, weights, pointed, nodes, best, there):
 
 
 class Holding:
-    """Ties what is light in the cells where something acts: in all that hold material, if ``everywhere``; and so much
-    that bodies ``at_rest`` come to rest and stay there."""
+    """Ties what is light in the cells where something acts: in all that hold material, if
+    ``everywhere``; and so much that bodies ``at_rest`` come to rest and stay there."""
 
     def __init__(self, fills: Fills, ties: Ties, everywhere: bool, at_rest: bool):
         self.ties, self._fills, self._everywhere = ties, fills, everywhere
@@ -290,10 +339,14 @@ class Holding:
         self._near = self._all = np.arange(ties.grid.cells)
 
     def refresh(self, pointed: np.ndarray, loaded: np.ndarray) -> None:
-        """``pointed`` (cells,): which hold a point; ``loaded`` (cells,): 2 where a part of a surface lies,
-        with material or without, and 1 beside facets that bear a load."""
+        """``pointed`` (cells,): which hold a point; ``loaded`` (cells,): 2 where a part of a
+        surface lies, with material or without, and 1 beside facets that bear a load."""
         grid, fills = self.ties.grid, self._fills
-        nodes, pointed, loaded = grid.lattice.nodes, grid.share_cells(pointed), grid.share_cells(loaded)
+        nodes, pointed, loaded = (
+            grid.lattice.nodes,
+            grid.share_cells(pointed),
+            grid.share_cells(loaded),
+        )
         if not self._everywhere and not np.array_equal(loaded, self._loaded):
             self._loaded, self._near = loaded.copy(), np.flatnonzero(grid.lattice.spread(loaded))
         fills.weigh(self._near, pointed)

@@ -18,19 +18,21 @@ from .shape_functions import Stencil
 from .ties import Ties
 
 TRANSITS = 4.0
-"""Times that a P wave takes through a cell, in which points at supports give up a velocity that is strange there."""
+"""Times that a P wave takes through a cell, in which points at supports give up a velocity that is
+strange there."""
 
 
 class Deposit:
     """Nodal velocity and acceleration before the step, from the points.
 
-    Division of nodal momentum by nodal mass smooths: M̄⁻¹M, the mean of neighbours, is left in it.  Each of ``sweeps``
+    Division of nodal momentum by nodal mass smooths: M̄⁻¹M, the mean of neighbours, is left in it.
+    Each of ``sweeps``
 
         v += v₁ − M̄⁻¹M v
 
-    with the consistent mass M, its row sums M̄ and v₁ the divided values takes some of it out.  Nodes of known motion
-    have what is known, whatever points deposit there.
-    ``mass`` (nodes,), kg, is the lumped one.
+    with the consistent mass M, its row sums M̄ and v₁ the divided values takes some of it out.
+    Nodes of known motion have what is known, whatever points deposit there. ``mass`` (nodes,), kg,
+    is the lumped one.
     """
 
     def __init__(self, motion: Motion, density, dx: ufl.Measure, sweeps: int):
@@ -40,7 +42,9 @@ class Deposit:
         self.mass = np.zeros(motion.grid.nodes)
         if self.sweeps:
             self._smooth = fem.Function(V)
-            self._averaging = dolfinx_versions.compile_form(weak_forms.inertia(density, self._sums, ufl.TestFunction(V)) * dx)
+            self._averaging = dolfinx_versions.compile_form(
+                weak_forms.inertia(density, self._sums, ufl.TestFunction(V)) * dx
+            )
 
     def predict(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil]) -> None:
         """Set the motion's v and a."""
@@ -56,7 +60,8 @@ class Deposit:
         self.motion.nodal(self.motion.a)[:] = acceleration
 
     def acceleration(self, force: fem.Function, ties: Ties | None) -> np.ndarray:
-        """Nodal accelerations (nodes, dim) of forces (N) by the same mass and, where no node is tied, sweeps."""
+        """Nodal accelerations (nodes, dim) of forces (N) by the same mass and, where no node is
+        tied, sweeps."""
         found = self.motion.nodal(force)
         if ties is not None:
             ties.accelerate(force, self.mass)
@@ -68,7 +73,8 @@ class Deposit:
         return self._divided(nodal)[1].copy()
 
     def _divided(self, nodal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Velocity and acceleration (nodes, dim) of ``nodal`` mass, momentum and mass times acceleration."""
+        """Velocity and acceleration (nodes, dim) of ``nodal`` mass, momentum and mass times
+        acceleration."""
         dim = self.motion.grid.dim
         _divide(nodal)
         velocity, acceleration = nodal[:, 1 : 1 + dim], nodal[:, 1 + dim :]
@@ -89,13 +95,15 @@ class Deposit:
 class KnownVelocity:
     """Points at nodes of known motion take up the velocity there.
 
-    Their own goes on by accelerations, and those of such nodes are known: what a point had of velocity when it came
-    to a wall, or when its base set off, it would keep for ever.  So, component by component,
+    Their own goes on by accelerations, and those of such nodes are known: what a point had of
+    velocity when it came to a wall, or when its base set off, it would keep for ever.  So,
+    component by component,
 
         v_p -= r w_p (v_p - Σ_i S_ip v_i),    w_p = Σ_i S_ip over nodes i of known motion,
 
-    which leaves a velocity that is linear in space as it is.  All of it at once takes energy off waves at a support:
-    r = min(1, ``rate`` Δt), ``rate`` (1/s) once in ``TRANSITS`` times that a wave takes through a cell.
+    which leaves a velocity that is linear in space as it is.  All of it at once takes energy off
+    waves at a support: r = min(1, ``rate`` Δt), ``rate`` (1/s) once in ``TRANSITS`` times that a
+    wave takes through a cell.
     """
 
     def __init__(self, motion: Motion, rate: float):
@@ -107,10 +115,13 @@ class KnownVelocity:
         self._near = grid.lattice.spread(at)  # support domains reach into the next cell
 
     def take_up(self, velocity: np.ndarray, stencil: Stencil, end: np.ndarray) -> None:
-        """Change velocities (n, dim) of the points of a stencil; ``end`` (nodes, dim): those at the end of the step."""
+        """Change velocities (n, dim) of the points of a stencil; ``end`` (nodes, dim): those at the
+        end of the step."""
         rows = np.flatnonzero(self._near[stencil.cell])
         if len(rows):
-            share = min(1.0, self.rate * self.motion.stepping.dt) * stencil.at_points(self.known, rows)
+            share = min(1.0, self.rate * self.motion.stepping.dt) * stencil.at_points(
+                self.known, rows
+            )
             velocity[rows] -= share * (velocity[rows] - stencil.at_points(end, rows))
 
 
@@ -125,7 +136,8 @@ def _divide(nodal):
 
 @jit
 def _sharpen(divided, smooth, nodal):
-    """Add to nodal values (nodes, f) what the averages ``smooth``, their mass first, lack of the ``divided`` ones."""
+    """Add to nodal values (nodes, f) what the averages ``smooth``, their mass first, lack of the
+    ``divided`` ones."""
     for i in range(len(nodal)):
         if smooth[i, 0] > 0.0:
             share = 1.0 / smooth[i, 0]
@@ -133,15 +145,29 @@ def _sharpen(divided, smooth, nodal):
                 nodal[i, f] += divided[i, f] - share * smooth[i, f]
 
 
-def trapezoidal(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple,
-                stepping: Newmark) -> None:
-    """Points carry their acceleration: v += Δt ((1 - γ) a + γ a₁(x_p)), γ = ½ unless asked, then a = a₁(x_p)."""
+def trapezoidal(
+    v: np.ndarray,
+    a: np.ndarray,
+    at_points: Callable,
+    before: tuple,
+    after: tuple,
+    stepping: Newmark,
+) -> None:
+    """Points carry their acceleration: v += Δt ((1 - γ) a + γ a₁(x_p)), γ = ½ unless asked, then a
+    = a₁(x_p)."""
     a_end = at_points(after[1])
     v += stepping.dt * ((1.0 - stepping.gamma) * a + stepping.gamma * a_end)
     a[:] = a_end
 
 
-def flip(v: np.ndarray, a: np.ndarray, at_points: Callable, before: tuple, after: tuple, stepping: Newmark) -> None:
+def flip(
+    v: np.ndarray,
+    a: np.ndarray,
+    at_points: Callable,
+    before: tuple,
+    after: tuple,
+    stepping: Newmark,
+) -> None:
     """Points take the grid's change of velocity: v += (v₁ − v₀)(x_p), and its acceleration."""
     v += at_points(after[0] - before[0])
     a[:] = at_points(after[1])

@@ -1,4 +1,5 @@
-"""Constitutive laws: parameters in a frozen dataclass, ``respond`` and ``tangent`` for a batch of points."""
+"""Constitutive laws: parameters in a frozen dataclass, ``respond`` and ``tangent`` for a batch of
+points."""
 
 from .elastic import LinearElastic
 from .hencky import Hencky

@@ -49,7 +49,8 @@ class LinearElastic:
         return float(np.sqrt(self.lame[1] / self.density))
 
     def update(self, strain: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Stress rows (n, components), Pa, after the strain increments ``strain`` (n, components)."""
+        """Stress rows (n, components), Pa, after the strain increments ``strain`` (n,
+        components)."""
         λ, μ = self.lame
         new = stress.copy()
         mean = λ * (strain[:, 0] + strain[:, 1] + strain[:, 2])
@@ -76,7 +77,9 @@ class LinearElastic:
         """``update``, and the empty history (n, 0)."""
         return self.update(strain, stress), history
 
-    def tangent(self, strain, stress, history, size=None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def tangent(
+        self, strain, stress, history, size=None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """``respond`` and the stiffness ∂σ/∂ε (n, components, components), Pa."""
         n, count = strain.shape
         unit = np.eye(count)

@@ -1,13 +1,15 @@
-"""Hencky's strain ε = ½ ln b and what follows from it, in compiled loops over pairs of a deformation and a state.
+"""Hencky's strain ε = ½ ln b and what follows from it, in compiled loops over pairs of a
+deformation and a state.
 
-The elastic left Cauchy-Green tensor goes from B to b = f B fᵀ in a step with the deformation f.  B - 1, f - 1 and b - 1
-are what is kept, so that strains of 1e-9 have all their digits.  Given the Kirchhoff
-stress τ(ε) and its derivative D, the nominal stress in the configuration of a deformation F, P = s τ F⁻ᵀ, changes by
+The elastic left Cauchy-Green tensor goes from B to b = f B fᵀ in a step with the deformation f.  B
+- 1, f - 1 and b - 1 are what is kept, so that strains of 1e-9 have all their digits.  Given the
+Kirchhoff stress τ(ε) and its derivative D, the nominal stress in the configuration of a deformation
+F, P = s τ F⁻ᵀ, changes by
 
     dP = s (D : dε - τ lᵀ) F⁻ᵀ,   l = df f⁻¹ = dF F⁻¹,   dε = L : (l b + b lᵀ),   L = ½ ∂ln b/∂b
 
-and in the eigenvectors of b, L multiplies the component ab by ½ (ln b_a - ln b_b)/(b_a - b_b), or ½/b_a where they are
-equal (Ogden, Non-linear elastic deformations, 1984, section 3.4).
+and in the eigenvectors of b, L multiplies the component ab by ½ (ln b_a - ln b_b)/(b_a - b_b), or
+½/b_a where they are equal (Ogden, Non-linear elastic deformations, 1984, section 3.4).
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from ..common.compiled import jit
 
 @jit
 def eigen(b, values, vectors):
-    """Eigenvalues and eigenvectors (columns) of a symmetric matrix, which is overwritten (Jacobi)."""
+    """Eigenvalues and eigenvectors (columns) of a symmetric matrix, which is overwritten
+    (Jacobi)."""
     n = len(b)
     small = 0.0
     for i in range(n):
@@ -59,7 +62,12 @@ def inverse(F, out):
     """Write F⁻¹ and return det F."""
     if len(F) == 2:
         det = F[0, 0] * F[1, 1] - F[0, 1] * F[1, 0]
-        out[0, 0], out[0, 1], out[1, 0], out[1, 1] = F[1, 1] / det, -F[0, 1] / det, -F[1, 0] / det, F[0, 0] / det
+        out[0, 0], out[0, 1], out[1, 0], out[1, 1] = (
+            F[1, 1] / det,
+            -F[0, 1] / det,
+            -F[1, 0] / det,
+            F[0, 0] / det,
+        )
         return det
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
@@ -95,7 +103,8 @@ def exponential(strain, shear, out):
 def trial(h, E, across, at, of, shear, strain, values, vectors):
     """Write Hencky's strain of b = f B fᵀ, as rows, and the eigenvalues and eigenvectors of b.
 
-    Pair m takes h = f - 1 from row at[m] and the state E = B - 1, ``across`` (in plane strain ε_zz) from row of[m].
+    Pair m takes h = f - 1 from row at[m] and the state E = B - 1, ``across`` (in plane strain ε_zz)
+    from row of[m].
     """
     dim = h.shape[1]
     left, b = np.empty((dim, dim)), np.empty((dim, dim))
@@ -130,7 +139,8 @@ def trial(h, E, across, at, of, shear, strain, values, vectors):
 
 @jit
 def _spatial(axes, stress, D, values, N, shear, plane, T, θ, Y, Z, row, out):
-    """Write T, the stress as a matrix, and a of dτ - τ lᵀ = a : l, rows and columns ij in the order i dim + j."""
+    """Write T, the stress as a matrix, and a of dτ - τ lᵀ = a : l, rows and columns ij in the order
+    i dim + j."""
     dim = len(axes)
     for i in range(dim):
         T[i, i] = stress[i]
@@ -173,11 +183,15 @@ def _spatial(axes, stress, D, values, N, shear, plane, T, θ, Y, Z, row, out):
 
 
 @jit
-def nominal(axes, F, scale, at, of, shear, plane, stress, D, values, vectors, out_stress, out_tangent):
-    """Write P = s τ F⁻ᵀ, rows (m, dim²), and the upper triangle of its derivative, rows (m, dim² (dim² + 1)/2).
+def nominal(
+    axes, F, scale, at, of, shear, plane, stress, D, values, vectors, out_stress, out_tangent
+):
+    """Write P = s τ F⁻ᵀ, rows (m, dim²), and the upper triangle of its derivative, rows (m, dim²
+    (dim² + 1)/2).
 
-    ``stress`` (m, components): τ and ``D`` its derivative by Hencky's strain, of every pair; ``scale``: s of every
-    state; ``axes`` as in ``kernels``.  Where F turns the body inside out they are not numbers.
+    ``stress`` (m, components): τ and ``D`` its derivative by Hencky's strain, of every pair;
+    ``scale``: s of every state; ``axes`` as in ``kernels``.  Where F turns the body inside out they
+    are not numbers.
     """
     dim = len(axes)
     n = dim * dim

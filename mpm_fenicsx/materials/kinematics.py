@@ -21,16 +21,18 @@ class SmallStrain:
         return material.lame
 
     def respond(self, body, gradient: np.ndarray, volumetric: np.ndarray | None = None) -> None:
-        """Give the points stress and history after the displacement gradients (n, dim, dim); ``volumetric`` (n,)
-        strain in place of the gradients' own."""
+        """Give the points stress and history after the displacement gradients (n, dim, dim);
+        ``volumetric`` (n,) strain in place of the gradients' own."""
         strain = tensors.strain(gradient)
         if volumetric is not None:
             strain = tensors.dilate(strain, volumetric)
-        body.stress, body.history = body.material.respond(strain, body.stress, body.history, body.size)
+        body.stress, body.history = body.material.respond(
+            strain, body.stress, body.history, body.size
+        )
 
     def change(self, before: np.ndarray, after: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """What the step has changed of stress (n, dim, dim), Pa, per volume before it; rows (n, components) before and
-        after."""
+        """What the step has changed of stress (n, dim, dim), Pa, per volume before it; rows (n,
+        components) before and after."""
         return tensors.matrix(after - before, gradient.shape[1])
 
     def energy(self, body) -> float:
@@ -43,12 +45,14 @@ class SmallStrain:
 
 
 class FiniteStrain:
-    """F = Fᵉ Fᵖ with Hencky's strain ε = ½ ln Fᵉ Fᵉᵀ and a law τ(ε) between it and Kirchhoff's stress τ = J σ.
+    """F = Fᵉ Fᵖ with Hencky's strain ε = ½ ln Fᵉ Fᵉᵀ and a law τ(ε) between it and Kirchhoff's
+    stress τ = J σ.
 
-    For isotropic laws the return map of small strain is then the exact one of the exponential map, in Hencky's strain
-    (Simo, Comput. Methods Appl. Mech. Engrg. 99, 1992).  Nothing more has to be kept: ε = C⁻¹ : J σ, and J is volume
-    over volume at rest, mass/density.  Stress given to points at the start is that of the body at J = 1.
-    The forms carry none of the response: see ``finite_strain``.
+    For isotropic laws the return map of small strain is then the exact one of the exponential map,
+    in Hencky's strain (Simo, Comput. Methods Appl. Mech. Engrg. 99, 1992).  Nothing more has to be
+    kept: ε = C⁻¹ : J σ, and J is volume over volume at rest, mass/density.  Stress given to points
+    at the start is that of the body at J = 1. The forms carry none of the response: see
+    ``finite_strain``.
     """
 
     def lame(self, material) -> tuple[float, float]:
@@ -58,28 +62,39 @@ class FiniteStrain:
     def respond(self, body, gradient: np.ndarray, volumetric: None = None) -> None:
         """Give the points stress and history after the displacement gradients (n, dim, dim)."""
         J, rows = volume_ratio(body), np.arange(len(body), dtype=np.int32)
-        strain, *_ = self.trial(self.state(body.material, J[:, None] * body.stress), gradient, rows, rows)
-        stress, body.history = body.material.respond(strain, np.zeros_like(strain), body.history, body.size)
-        with np.errstate(divide="ignore", invalid="ignore"):  # ``deform`` names a point that turns inside out
+        strain, *_ = self.trial(
+            self.state(body.material, J[:, None] * body.stress), gradient, rows, rows
+        )
+        stress, body.history = body.material.respond(
+            strain, np.zeros_like(strain), body.history, body.size
+        )
+        with np.errstate(
+            divide="ignore", invalid="ignore"
+        ):  # ``deform`` names a point that turns inside out
             body.stress = stress / (J * tensors.stretch(gradient))[:, None]
 
     def state(self, material, kirchhoff: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Elastic left Cauchy-Green tensors less 1, (n, dim, dim), of τ (n, components), Pa, and ε_zz (n,)."""
+        """Elastic left Cauchy-Green tensors less 1, (n, dim, dim), of τ (n, components), Pa, and
+        ε_zz (n,)."""
         strain, dim = material.strain(kirchhoff), 2 if kirchhoff.shape[1] == 4 else 3
         E = np.empty((len(strain), dim, dim))
         hencky_strain.exponential(strain, SHEAR[dim], E)
         return E, np.ascontiguousarray(strain[:, 2])
 
-    def trial(self, state, gradient: np.ndarray, at: np.ndarray, of: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Hencky's strain rows (m, components), were the step elastic, and eigenvalues (m, dim) and eigenvectors
-        (m, dim, dim) of b, for pairs of a gradient f - 1, row ``at`` (m,), and a state, row ``of`` (m,)."""
+    def trial(
+        self, state, gradient: np.ndarray, at: np.ndarray, of: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """Hencky's strain rows (m, components), were the step elastic, and eigenvalues (m, dim) and
+        eigenvectors (m, dim, dim) of b, for pairs of a gradient f - 1, row ``at`` (m,), and a
+        state, row ``of`` (m,)."""
         m, dim = len(at), gradient.shape[1]
         out = np.empty((m, tensors.components(dim))), np.empty((m, dim)), np.empty((m, dim, dim))
         hencky_strain.trial(gradient, *state, at, of, SHEAR[dim], *out)
         return out
 
     def change(self, before: np.ndarray, after: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """The same of the first Piola-Kirchhoff stress, σ J f⁻ᵀ after the step, f the step's own deformation."""
+        """The same of the first Piola-Kirchhoff stress, σ J f⁻ᵀ after the step, f the step's own
+        deformation."""
         dim = gradient.shape[1]
         return tensors.matrix(after, dim) @ tensors.cofactor(gradient) - tensors.matrix(before, dim)
 

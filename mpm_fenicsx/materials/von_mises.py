@@ -1,6 +1,7 @@
 """Von Mises plasticity with linear softening of the cohesion, and its consistent tangent.
 
-``respond_point`` and ``tangent_point`` take one row each and are meant for calls from other compiled loops.
+``respond_point`` and ``tangent_point`` take one row each and are meant for calls from other
+compiled loops.
 """
 
 from __future__ import annotations
@@ -35,7 +36,8 @@ def _trial(strain, stress, λ, μ, out):
 
 @jit
 def _flow(q2, kappa, μ, peak, residual, h):
-    """Return κ, the ratio r = q/q_trial and b = -∂q/∂q_trial after plastic flow; (κ, 1, -1) without."""
+    """Return κ, the ratio r = q/q_trial and b = -∂q/∂q_trial after plastic flow; (κ, 1, -1)
+    without."""
     c = max(residual, peak - h * kappa)
     if not q2 > SLACK * 3.0 * c * c:
         return kappa, 1.0, -1.0
@@ -62,7 +64,8 @@ def _scale(mean, ratio, out):
 def respond_point(strain, stress, kappa, λ, μ, peak, residual, h, out_stress):
     """Write the stress after the increment ``strain`` (4 or 6 numbers) and return κ.
 
-    ``out_stress`` may be ``stress`` itself.  ``h``: softening modulus of this point (Pa), 3μ - √3 h > 0.
+    ``out_stress`` may be ``stress`` itself.  ``h``: softening modulus of this point (Pa), 3μ - √3 h
+    > 0.
     """
     mean, q2 = _trial(strain, stress, λ, μ, out_stress)
     kappa, ratio, _ = _flow(q2, kappa, μ, peak, residual, h)
@@ -73,7 +76,8 @@ def respond_point(strain, stress, kappa, λ, μ, peak, residual, h, out_stress):
 
 @jit
 def tangent_point(strain, stress, kappa, λ, μ, peak, residual, h, out_stress, out_tangent):
-    """``respond_point`` that also writes ∂σ/∂ε, for engineering shear strains, into ``out_tangent``."""
+    """``respond_point`` that also writes ∂σ/∂ε, for engineering shear strains, into
+    ``out_tangent``."""
     mean, q2 = _trial(strain, stress, λ, μ, out_stress)
     kappa, ratio, b = _flow(q2, kappa, μ, peak, residual, h)
     n = len(strain)
@@ -97,7 +101,16 @@ def _respond(strain, stress, history, λ, μ, peak, residual, modulus, out_stres
     every = 1 if len(modulus) > 1 else 0
     for p in range(len(strain)):
         out_history[p, 0] = respond_point(
-            strain[p], stress[p], history[p, 0], λ, μ, peak, residual, modulus[every * p], out_stress[p])
+            strain[p],
+            stress[p],
+            history[p, 0],
+            λ,
+            μ,
+            peak,
+            residual,
+            modulus[every * p],
+            out_stress[p],
+        )
 
 
 @jit
@@ -105,7 +118,17 @@ def _tangent(strain, stress, history, λ, μ, peak, residual, modulus, out_stres
     every = 1 if len(modulus) > 1 else 0
     for p in range(len(strain)):
         out_history[p, 0] = tangent_point(
-            strain[p], stress[p], history[p, 0], λ, μ, peak, residual, modulus[every * p], out_stress[p], out[p])
+            strain[p],
+            stress[p],
+            history[p, 0],
+            λ,
+            μ,
+            peak,
+            residual,
+            modulus[every * p],
+            out_stress[p],
+            out[p],
+        )
 
 
 @jit
@@ -128,26 +151,29 @@ def _yields(strain, stress, history, at, of, λ, μ, peak, residual, modulus, ro
 class VonMises:
     """Elastic soil that yields at q = √3 c(κ), with c = max(residual, peak - h κ).
 
-    Parameters: ``elastic``; ``peak`` and ``residual`` cohesion (Pa); ``softening`` h (Pa per unit κ);
-    ``length`` (m), the cell size at which ``softening`` was found.  With it a point of size d softens with
-    h d / length, so that a band one cell wide takes the same energy per area on every grid; ``size`` is then
-    required, and has to stay the same through a point's life.  Without it ``size`` is ignored.
+    Parameters: ``elastic``; ``peak`` and ``residual`` cohesion (Pa); ``softening`` h (Pa per unit
+    κ); ``length`` (m), the cell size at which ``softening`` was found.  With it a point of size d
+    softens with h d / length, so that a band one cell wide takes the same energy per area on every
+    grid; ``size`` is then required, and has to stay the same through a point's life.  Without it
+    ``size`` is ignored.
 
-    The history is κ = ∫ √(⅔ dεᵖ:dεᵖ).  Flow is dεᵖ = dγ ∂q/∂σ = dγ 3s/2q, and s:s = ⅔ q², hence dκ = dγ and
-    σ:dεᵖ = q dκ; in simple shear κ = γᵖ/√3.  Backward Euler keeps the mean stress and the direction of s:
+    The history is κ = ∫ √(⅔ dεᵖ:dεᵖ).  Flow is dεᵖ = dγ ∂q/∂σ = dγ 3s/2q, and s:s = ⅔ q², hence dκ
+    = dγ and σ:dεᵖ = q dκ; in simple shear κ = γᵖ/√3.  Backward Euler keeps the mean stress and the
+    direction of s:
 
         q + 3μ Δκ = q_trial,  q = √3 c(κ + Δκ)
         softening  Δκ = (q_trial - √3 (peak - h κ)) / (3μ - √3 h)
         residual   Δκ = (q_trial - √3 residual) / 3μ
 
-    c being the larger of two lines, Δκ is the smaller of the two roots.  It is the only one while 3μ Δκ grows
-    faster than √3 c falls, 3μ > √3 h; beyond, q would have to fall while the strain runs back: snap-back.
-    With r = q/q_trial, and b = √3 h/(3μ - √3 h) while softening or 0 at residual, the tangent is
+    c being the larger of two lines, Δκ is the smaller of the two roots.  It is the only one while
+    3μ Δκ grows faster than √3 c falls, 3μ > √3 h; beyond, q would have to fall while the strain
+    runs back: snap-back. With r = q/q_trial, and b = √3 h/(3μ - √3 h) while softening or 0 at
+    residual, the tangent is
 
         K 1⊗1 + 2μ r I_dev - 3μ (r + b) s⊗s / q²   (s/q as in the trial).
 
-    Raises ``ValueError`` naming the parameter that is out of range.  See Simo and Hughes, Computational
-    Inelasticity (1998), section 3.3.
+    Raises ``ValueError`` naming the parameter that is out of range.  See Simo and Hughes,
+    Computational Inelasticity (1998), section 3.3.
     """
 
     elastic: LinearElastic
@@ -173,15 +199,20 @@ class VonMises:
             object.__setattr__(self, "length", positive("length", self.length))
         if not 3.0 * self.lame[1] - SQRT3 * self.softening > 0.0:
             limit = f"√3 G = {SQRT3 * self.lame[1]}"
-            raise ValueError(f"softening must stay below {limit}, where a point snaps back, got {self.softening}")
+            raise ValueError(
+                f"softening must stay below {limit}, where a point snaps back, got {self.softening}"
+            )
 
-    density, young, poisson, lame, p_speed, s_speed, kinematics, strain = (property(attrgetter(
-        f"elastic.{name}")) for name in "density young poisson lame p_speed s_speed kinematics strain".split())
+    density, young, poisson, lame, p_speed, s_speed, kinematics, strain = (
+        property(attrgetter(f"elastic.{name}"))
+        for name in "density young poisson lame p_speed s_speed kinematics strain".split()
+    )
 
     def modulus(self, size: np.ndarray | float | None = None) -> np.ndarray:
         """Softening modulus (n,) or (1,), Pa, of points of ``size`` (m).
 
-        Raises ``ValueError`` where ``size`` is missing, not positive, or so large that a point snaps back.
+        Raises ``ValueError`` where ``size`` is missing, not positive, or so large that a point
+        snaps back.
         """
         if self.length is None:
             return np.array([self.softening])
@@ -196,23 +227,30 @@ class VonMises:
         return self.softening * size / self.length
 
     def respond(self, strain, stress, history, size=None) -> tuple[np.ndarray, np.ndarray]:
-        """Stress (n, components), Pa, and history (n, 1) after the strain increments ``strain`` (n, components)."""
+        """Stress (n, components), Pa, and history (n, 1) after the strain increments ``strain`` (n,
+        components)."""
         inputs, outputs = self._prepare(strain, stress, history, size)
         _respond(*inputs, *outputs)
         return outputs
 
-    def tangent(self, strain, stress, history, size=None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """``respond`` and the consistent tangent ∂σ/∂ε (n, components, components), Pa, in one pass."""
+    def tangent(
+        self, strain, stress, history, size=None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """``respond`` and the consistent tangent ∂σ/∂ε (n, components, components), Pa, in one
+        pass."""
         inputs, outputs = self._prepare(strain, stress, history, size)
         out = np.empty((*outputs[0].shape, outputs[0].shape[1]))
         _tangent(*inputs, *outputs, out)
         return *outputs, out
 
     def yields(self, strain, stress, history, at, of, size=None) -> np.ndarray:
-        """Which of the pairs of a strain increment, row ``at`` (m,), and a state, row ``of`` (m,), yield: (k,) rows."""
+        """Which of the pairs of a strain increment, row ``at`` (m,), and a state, row ``of`` (m,),
+        yield: (k,) rows."""
         inputs = (np.ascontiguousarray(a, float) for a in (strain, stress, history))
         rows = np.empty(len(at), np.int32)
-        found = _yields(*inputs, at, of, *self.lame, self.peak, self.residual, self.modulus(size), rows)
+        found = _yields(
+            *inputs, at, of, *self.lame, self.peak, self.residual, self.modulus(size), rows
+        )
         return rows[:found]
 
     def strength(self, history, size=None) -> np.ndarray:
@@ -224,18 +262,25 @@ class VonMises:
         return self.elastic.energy(stress)
 
     def dissipation(self, before, after, size=None) -> np.ndarray:
-        """Plastic work per volume (n,), J/m³, between two histories: backward Euler, σ_after : Δεᵖ = q_after Δκ."""
+        """Plastic work per volume (n,), J/m³, between two histories: backward Euler, σ_after : Δεᵖ
+        = q_after Δκ."""
         return self.strength(after, size) * (after[:, 0] - before[:, 0])
 
     def plastic_work(self, history, size=None) -> np.ndarray:
         """Plastic work per volume (n,), J/m³, since κ = 0: ∫ q dκ."""
         κ, h = history[:, 0], self.modulus(size)
-        soft = np.where(h * κ < self.peak - self.residual, κ, (self.peak - self.residual) / np.maximum(h, 1e-300))
+        soft = np.where(
+            h * κ < self.peak - self.residual,
+            κ,
+            (self.peak - self.residual) / np.maximum(h, 1e-300),
+        )
         return SQRT3 * (self.peak * soft - 0.5 * h * soft**2 + self.residual * (κ - soft))
 
     def _prepare(self, strain, stress, history, size):
         """Arrays of the kernels, refused unless their shapes agree: compiled loops do not look."""
-        strain, stress, history = (np.ascontiguousarray(a, float) for a in (strain, stress, history))
+        strain, stress, history = (
+            np.ascontiguousarray(a, float) for a in (strain, stress, history)
+        )
         modulus = self.modulus(size)
         n = len(strain)
         if strain.ndim != 2 or strain.shape[1] not in (4, 6):
@@ -244,6 +289,8 @@ class VonMises:
             if array.shape != shape:
                 raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
         if modulus.shape not in ((1,), (n,)):
-            raise ValueError(f"size must be a number or have shape ({n},), got shape {modulus.shape}")
+            raise ValueError(
+                f"size must be a number or have shape ({n},), got shape {modulus.shape}"
+            )
         inputs = strain, stress, history, *self.lame, self.peak, self.residual, modulus
         return inputs, (np.empty_like(stress), np.empty_like(history))

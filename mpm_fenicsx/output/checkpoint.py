@@ -1,4 +1,5 @@
-"""Checkpoints: all that a run needs to go on bit for bit, in one file that is whole or not there."""
+"""Checkpoints: all that a run needs to go on bit for bit, in one file that is whole or not
+there."""
 
 from __future__ import annotations
 
@@ -18,15 +19,17 @@ from ..common.ranks import anywhere
 
 
 class Checkpoint:
-    """Recorder that keeps the state of the run after every ``every`` steps, for ``run.restart(path)``.
+    """Recorder that keeps the state of the run after every ``every`` steps, for
+    ``run.restart(path)``.
 
-    The file (NumPy's npz) holds the last checkpoint only.  It replaces its forerunner when it is complete, so that a
-    full disk, or an end of the process while it is written, leaves the one before.  Nothing is written when attached:
-    a script that is started again may attach it and then call ``restart``.  It looks after all other recorders,
-    whose series it keeps.  Several ranks write one file, which as many ranks can read.
+    The file (NumPy's npz) holds the last checkpoint only.  It replaces its forerunner when it is
+    complete, so that a full disk, or an end of the process while it is written, leaves the one
+    before.  Nothing is written when attached: a script that is started again may attach it and then
+    call ``restart``.  It looks after all other recorders, whose series it keeps.  Several ranks
+    write one file, which as many ranks can read.
 
-    Raises ``ValueError`` for a ``path`` without name or ``every`` < 1; ``OSError`` naming the path, on every rank,
-    when attached or later, where nothing can be written.
+    Raises ``ValueError`` for a ``path`` without name or ``every`` < 1; ``OSError`` naming the path,
+    on every rank, when attached or later, where nothing can be written.
     """
 
     last = True
@@ -55,18 +58,34 @@ def write(run, path: Path) -> None:
     comm = run.grid.comm
     mine = {"identity": np.array(json.dumps(run.identity()))}
     mine.update({f"run/{name}": value for name, value in run.state().items()})
-    mine.update({f"recorders/{label}/{name}": value for label, recorder in _remembering(run).items()
-                 for name, value in recorder.state().items()})
+    mine.update(
+        {
+            f"recorders/{label}/{name}": value
+            for label, recorder in _remembering(run).items()
+            for name, value in recorder.state().items()
+        }
+    )
     ranks = comm.gather(mine)
     with failing_together(comm, "checkpoint not written", path):
         if comm.rank == 0:
-            arrays = {"steps": np.array(run.steps), "ranks": np.array(comm.size),
-                      **{f"{k}/{name}": value for k, part in enumerate(ranks) for name, value in part.items()}}
+            arrays = {
+                "steps": np.array(run.steps),
+                "ranks": np.array(comm.size),
+                **{
+                    f"{k}/{name}": value
+                    for k, part in enumerate(ranks)
+                    for name, value in part.items()
+                },
+            }
             with complete(path) as part, open(part, "wb") as file:
-                with zipfile.ZipFile(file, "w") as store:  # NumPy's savez does not close it when the disk is full
+                with zipfile.ZipFile(
+                    file, "w"
+                ) as store:  # NumPy's savez does not close it when the disk is full
                     for name, value in arrays.items():
                         with store.open(name + ".npy", "w", force_zip64=True) as entry:
-                            np.lib.format.write_array(entry, np.asanyarray(value), allow_pickle=False)
+                            np.lib.format.write_array(
+                                entry, np.asanyarray(value), allow_pickle=False
+                            )
                 file.flush()
                 os.fsync(file.fileno())
 
@@ -83,7 +102,9 @@ def restart(run, path: str | os.PathLike) -> None:
         raise ValueError(f"{path}: it is of a run on {ranks} ranks, and here are {comm.size}")
     steps, kept, recorders = comm.bcast(steps), comm.scatter(parts), _remembering(run)
     found = json.loads(str(kept.pop("identity")))
-    message = anywhere(comm, _difference(found, run.identity()) or _misfit(kept, run.state(), recorders))
+    message = anywhere(
+        comm, _difference(found, run.identity()) or _misfit(kept, run.state(), recorders)
+    )
     if message:
         raise ValueError(f"{path}: {message}")
     run.restore({name: kept[f"run/{name}"] for name in run.state()})
@@ -102,11 +123,12 @@ def _read(path: Path) -> tuple[int, list[dict[str, np.ndarray]]]:
 
 
 def _below(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name[len(prefix):]: value for name, value in arrays.items() if name.startswith(prefix)}
+    return {name[len(prefix) :]: value for name, value in arrays.items() if name.startswith(prefix)}
 
 
 def _remembering(run) -> dict[str, object]:
-    """The recorders that have a state, by their labels; of those with the same label the second has the number 2."""
+    """The recorders that have a state, by their labels; of those with the same label the second has
+    the number 2."""
     found, count = {}, Counter()
     for recorder in run.recorders:
         if hasattr(recorder, "state"):
@@ -124,15 +146,22 @@ def _difference(found: dict[str, str], here: dict[str, str]) -> str | None:
     return None
 
 
-def _misfit(kept: dict[str, np.ndarray], state: dict[str, np.ndarray], recorders: dict[str, object]) -> str | None:
+def _misfit(
+    kept: dict[str, np.ndarray], state: dict[str, np.ndarray], recorders: dict[str, object]
+) -> str | None:
     """The first array of a checkpoint that does not fit the run."""
     for name in {**state, **_below("run/", kept)}:
-        found, here = (None if a is None else (a.dtype.name, a.shape)
-                       for a in (kept.get(f"run/{name}"), state.get(name)))
+        found, here = (
+            None if a is None else (a.dtype.name, a.shape)
+            for a in (kept.get(f"run/{name}"), state.get(name))
+        )
         if found != here:
             return f"{name} is {found} in the checkpoint, and here {here}"
     known = {name.split("/")[1] for name in kept if name.startswith("recorders/")}
     for label in recorders:
         if label not in known:
-            return f"recorder {label} is not in the checkpoint, which has {sorted(known)}: record it after the restart"
+            return (
+                f"recorder {label} is not in the checkpoint, which has {sorted(known)}: "
+                "record it after the restart"
+            )
     return None

@@ -13,8 +13,9 @@ from ..grid.grid import Grid
 class Run(Protocol):
     """A run as recorders see it.
 
-    ``name`` of the method, ``grid``, ``steps`` done and ``time`` (s) reached; ``contributions`` of the terms, which
-    say what they do to the energy; ``collectors``, whose ``collect`` is called after every solve.
+    ``name`` of the method, ``grid``, ``steps`` done and ``time`` (s) reached; ``contributions`` of
+    the terms, which say what they do to the energy; ``collectors``, whose ``collect`` is called
+    after every solve.
     """
 
     name: str
@@ -25,7 +26,8 @@ class Run(Protocol):
     collectors: list
 
     def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
-        """Places (n, dim), m, where a field is known on this rank, and a function from rows to values there."""
+        """Places (n, dim), m, where a field is known on this rank, and a function from rows to
+        values there."""
 
     def holds(self, at: np.ndarray) -> bool:
         """Whether a place (dim,), m, lies inside this rank's part of the body."""
@@ -41,13 +43,14 @@ class Run(Protocol):
 class Recorder(Protocol):
     """Looks at a run when attached, and after each step.
 
-    One that remembers has ``state()``, arrays by name, and ``restore(state)``: a checkpoint then keeps what it has
-    recorded, under its ``label`` if it has one.  One with ``last = True`` looks after all others.
+    One that remembers has ``state()``, arrays by name, and ``restore(state)``: a checkpoint then
+    keeps what it has recorded, under its ``label`` if it has one.  One with ``last = True`` looks
+    after all others.
     """
 
     def attach(self, run: Run) -> None:
-        """Look at the run for the first time, before its next step.  Raises ``ValueError`` for one that it cannot
-        serve, ``OSError`` where it cannot write."""
+        """Look at the run for the first time, before its next step.  Raises ``ValueError`` for one
+        that it cannot serve, ``OSError`` where it cannot write."""
 
     def __call__(self, run: Run) -> None:
         """Look at the run after a step."""

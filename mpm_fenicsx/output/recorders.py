@@ -50,11 +50,12 @@ class Series:
 class Probe(Series):
     """A field at a place of the body; the place moves with the material.
 
-    ``field``: displacement since attaching (m), velocity (m/s), acceleration (m/s²) or stress (Pa, rows as in
-    ``tensors``); ``at`` (dim,), m, when attached.  The value is a weighted mean of the samples nearest to ``at`` (in
-    cells), exact for linear fields: material points or, in a finite element run, cell centres for stress and nodes for
-    the rest.  Raises ``ValueError`` for a field that is not known, or a place that is none or lies outside the body: by
-    more than half a support domain from the outermost, or outside the mesh.
+    ``field``: displacement since attaching (m), velocity (m/s), acceleration (m/s²) or stress (Pa,
+    rows as in ``tensors``); ``at`` (dim,), m, when attached.  The value is a weighted mean of the
+    samples nearest to ``at`` (in cells), exact for linear fields: material points or, in a finite
+    element run, cell centres for stress and nodes for the rest.
+    Raises ``ValueError`` for a field that is not known, or a place that is none or lies outside the
+    body: by more than half a support domain from the outermost, or outside the mesh.
     """
 
     def __init__(self, field: str, at):
@@ -72,7 +73,10 @@ class Probe(Series):
             raise ValueError(f"at must be {run.grid.dim} finite coordinates, got {self.at}")
         places, self._read = run.sampler(self.field)
         if not any(run.grid.comm.allgather(run.holds(self.at))):
-            raise ValueError(f"at must lie inside the body, got {self.at}; {_closest(places, self.at, run.grid.comm)}")
+            raise ValueError(
+                f"at must lie inside the body, got {self.at}; "
+                f"{_closest(places, self.at, run.grid.comm)}"
+            )
         h = _cell_size(run.grid)
         self._rows, self._weights = _nearest(places / h, self.at / h, run.grid.comm)
         self._start = self._read(self._rows) if self.field == "displacement" else np.zeros(())
@@ -85,21 +89,28 @@ class Probe(Series):
 
     def state(self) -> dict[str, np.ndarray]:
         """The series, and the samples that were chosen when it began."""
-        return {**super().state(), "rows": self._rows, "weights": self._weights, "start": self._start}
+        return {
+            **super().state(),
+            "rows": self._rows,
+            "weights": self._weights,
+            "start": self._start,
+        }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Go on from what a checkpoint kept."""
         super().restore(state)
-        self._rows, self._weights, self._start = (state[name] for name in ("rows", "weights", "start"))
+        self._rows, self._weights, self._start = (
+            state[name] for name in ("rows", "weights", "start")
+        )
 
 
 class Energy(Series):
     """Where the energy is (J; J per metre in plane strain).
 
-    ``energy["work"]`` done by tractions and gravity, ``"kinetic"``, ``"strain"``, ``"plastic"`` work, ``"absorbed"``
-    by dashpots, ``"stored"`` in springs: arrays (n,) since attaching.  What the scene does not have stays zero and
-    costs nothing.
-    ``lost`` is the rest of the balance: dissipation of the method, or its error.
+    ``energy["work"]`` done by tractions and gravity, ``"kinetic"``, ``"strain"``, ``"plastic"``
+    work, ``"absorbed"`` by dashpots, ``"stored"`` in springs: arrays (n,) since attaching.  What
+    the scene does not have stays zero and costs nothing. ``lost`` is the rest of the balance:
+    dissipation of the method, or its error.
     """
 
     NAMES = ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
@@ -110,7 +121,10 @@ class Energy(Series):
         for contribution in run.contributions:
             for name, form in contribution.energy().items():
                 forms[name] = forms.get(name, 0) + form
-        self._forms = {self.NAMES.index(name): dolfinx_versions.compile_form(form) for name, form in forms.items()}
+        self._forms = {
+            self.NAMES.index(name): dolfinx_versions.compile_form(form)
+            for name, form in forms.items()
+        }
         self.sums = np.zeros(len(self.NAMES))
         self._start = self._look(run).copy()
         run.collectors.append(self)
@@ -123,7 +137,9 @@ class Energy(Series):
     def collect(self, run: Run) -> None:
         """After a solve: add up in ``sums`` (6,) what terms have done."""
         for k, form in self._forms.items():
-            self.sums[k] += run.grid.comm.allreduce(dolfinx_versions.assemble_scalar(form), op=MPI.SUM)
+            self.sums[k] += run.grid.comm.allreduce(
+                dolfinx_versions.assemble_scalar(form), op=MPI.SUM
+            )
 
     def _look(self, run: Run) -> np.ndarray:
         for name, value in run.energy().items():
@@ -156,8 +172,12 @@ class Energy(Series):
 
 def _cell_size(grid: Grid) -> np.ndarray:
     """Mean extents of the cells (dim,), m: the measure of what is near."""
-    x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][: grid.owned_cells, :, : grid.dim]
-    return grid.comm.allreduce(np.ptp(x, axis=1).sum(axis=0)) / grid.comm.allreduce(grid.owned_cells)
+    x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][
+        : grid.owned_cells, :, : grid.dim
+    ]
+    return grid.comm.allreduce(np.ptp(x, axis=1).sum(axis=0)) / grid.comm.allreduce(
+        grid.owned_cells
+    )
 
 
 def _by_distance(away: np.ndarray) -> np.ndarray:
@@ -176,16 +196,20 @@ def _closest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> str:
 
 
 def _nearest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:
-    """Rows of the local samples that serve ``at``, and their weights: exact for linear fields over all ranks."""
+    """Rows of the local samples that serve ``at``, and their weights: exact for linear fields over
+    all ranks."""
     dim = len(at)
     count = 2 ** (dim + 1)
     rows = _by_distance(places - at)[:count]
     distance = np.linalg.norm(places[rows] - at, axis=1)
-    found = np.concatenate(comm.allgather(np.column_stack((distance, np.full(len(rows), comm.rank), rows,
-                                                           places[rows]))))
+    found = np.concatenate(
+        comm.allgather(
+            np.column_stack((distance, np.full(len(rows), comm.rank), rows, places[rows]))
+        )
+    )
     found = found[_by_distance(found[:, 3:] - at)[:count]]
-    # least-norm weights w with Σ w = 1 and Σ w x = at in the span of the samples, be it a point, a line or a plane;
-    # the norm grows as the fourth power of distance
+    # least-norm weights w with Σ w = 1 and Σ w x = at in the span of the samples, be it a point, a
+    # line or a plane; the norm grows as the fourth power of distance
     spread = found[:, 3:] - found[:, 3:].mean(axis=0)
     _, extent, axes = np.linalg.svd(spread, full_matrices=False)
     offset = (found[:, 3:] - at) @ axes[extent > 1e-9 * max(1.0, extent[0])].T

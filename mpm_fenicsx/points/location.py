@@ -11,7 +11,8 @@ from .material_points import MaterialPoints
 
 
 def enter(body: MaterialPoints, grid: Grid) -> np.ndarray:
-    """Cell (n,) of each point.  Raises ``ValueError``, on all ranks, for a body that the grid does not hold."""
+    """Cell (n,) of each point.  Raises ``ValueError``, on all ranks, for a body that the grid does
+    not hold."""
     if body.dim != grid.dim:
         raise ValueError(f"points have {body.dim} coordinates, the grid {grid.dim}")
     if not grid.comm.allreduce(len(body)):
@@ -19,11 +20,22 @@ def enter(body: MaterialPoints, grid: Grid) -> np.ndarray:
     cell, message = grid.find(body.x), None
     outside = np.flatnonzero(cell < 0)
     if len(outside):
-        message = f"points: {len(outside)} lie outside the grid, the first at x={body.x[outside[0]]}"
-    for name, numbers in (("stress", tensors.components(body.dim)), ("velocity", body.dim), ("acceleration", body.dim)):
+        message = (
+            f"points: {len(outside)} lie outside the grid, the first at x={body.x[outside[0]]}"
+        )
+    for name, numbers in (
+        ("stress", tensors.components(body.dim)),
+        ("velocity", body.dim),
+        ("acceleration", body.dim),
+    ):
         value = getattr(body, name)
-        if value is not None and (np.shape(value) != (len(body), numbers) or not np.isfinite(value).all()):
-            message = f"{name} of points must be {len(body)} rows of {numbers} finite numbers, got {value!r}"
+        if value is not None and (
+            np.shape(value) != (len(body), numbers) or not np.isfinite(value).all()
+        ):
+            message = (
+                f"{name} of points must be {len(body)} rows of {numbers} finite "
+                f"numbers, got {value!r}"
+            )
     with together(grid.comm):
         if message:
             raise ValueError(message)

@@ -22,9 +22,10 @@ from .surface_points import SurfacePoints
 class MaterialPoints:
     """Material points of one body.
 
-    ``x`` (n, dim), m; ``half`` (n, dim), m: half the support domain; ``volume`` (n,), m³; ``mass`` (n,), kg;
-    ``stress`` (n, components), Pa (see ``tensors``).  ``velocity`` and ``acceleration`` (n, dim) exist in dynamic
-    scenes only.  Make them with ``fill``; raises ``ValueError`` for arrays that do not fit or are not finite.
+    ``x`` (n, dim), m; ``half`` (n, dim), m: half the support domain; ``volume`` (n,), m³; ``mass``
+    (n,), kg; ``stress`` (n, components), Pa (see ``tensors``).  ``velocity`` and ``acceleration``
+    (n, dim) exist in dynamic scenes only.  Make them with ``fill``; raises ``ValueError`` for
+    arrays that do not fit or are not finite.
     """
 
     material: object
@@ -35,9 +36,13 @@ class MaterialPoints:
     velocity: np.ndarray | None = None
     acceleration: np.ndarray | None = None
     history: np.ndarray | None = None  # (n, k): what the material remembers, if it does
-    size: np.ndarray | None = None  # (n,), m: of the point's first cell, where the material softens by it
+    size: np.ndarray | None = (
+        None  # (n,), m: of the point's first cell, where the material softens by it
+    )
     exposed: np.ndarray | None = None  # (n, dim, 2): faces of the support domain on the body's edge
-    seat: np.ndarray | None = None  # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
+    seat: np.ndarray | None = (
+        None  # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
+    )
     mass: np.ndarray = field(init=False)
     _run_left: int | None = field(default=None, init=False, repr=False)
 
@@ -51,14 +56,23 @@ class MaterialPoints:
             self.history = np.zeros((n, len(self.material.history)))
         if self.stress is None:
             self.stress = np.zeros((n, tensors.components(dim)))
-        shapes = {"x": (n, dim), "half": (n, dim), "volume": (n,), "stress": (n, tensors.components(dim)),
-                  "velocity": (n, dim), "acceleration": (n, dim),
-                  "history": (n, len(self.material.history)), "size": (n,)}
+        shapes = {
+            "x": (n, dim),
+            "half": (n, dim),
+            "volume": (n,),
+            "stress": (n, tensors.components(dim)),
+            "velocity": (n, dim),
+            "acceleration": (n, dim),
+            "history": (n, len(self.material.history)),
+            "size": (n,),
+        }
         for name, shape in shapes.items():
             if getattr(self, name) is not None or name in ("half", "volume"):
                 value = array(name, getattr(self, name))
                 if value.shape != shape:
-                    raise ValueError(f"{name} must have the shape {shape} to fit x, got {value.shape}")
+                    raise ValueError(
+                        f"{name} must have the shape {shape} to fit x, got {value.shape}"
+                    )
                 if not np.isfinite(value).all():
                     raise ValueError(f"{name} must be finite, got {value[~np.isfinite(value)][0]}")
                 setattr(self, name, value)
@@ -88,26 +102,40 @@ class MaterialPoints:
         return {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
 
     @classmethod
-    def fill(cls, grid, material, per_cell: int, inside: Callable[[np.ndarray], np.ndarray] | None = None,
-             jitter: float = 0.0, seed: int = 0) -> MaterialPoints:
+    def fill(
+        cls,
+        grid,
+        material,
+        per_cell: int,
+        inside: Callable[[np.ndarray], np.ndarray] | None = None,
+        jitter: float = 0.0,
+        seed: int = 0,
+    ) -> MaterialPoints:
         """Fill the cells of a grid with ``per_cell`` = k^dim evenly placed points each.
 
-        ``inside`` maps x (dim, n), m, to bool (n,) and keeps the points of the body; ``jitter`` < 0.5 moves points
-        at random by up to that fraction of their spacing: each by what ``seed`` and its place in the grid say, whatever
-        the other points and the number of ranks.  Support domains move with the points, and then overlap: a uniform
-        stress in 2D is off by 6 to 10 % (rms, DM-GC, ``jitter`` 0.3) with 4 points a cell, 2 to 4 % with 16 and 0.9 %
-        with 64, and no finer grid makes that less.  Raises ``ValueError`` for a body without points, a ``per_cell``
-        that is no k^dim, a ``seed`` < 0, or an ``inside`` of the wrong shape.
+        ``inside`` maps x (dim, n), m, to bool (n,) and keeps the points of the body; ``jitter`` <
+        0.5 moves points at random by up to that fraction of their spacing: each by what ``seed``
+        and its place in the grid say, whatever the other points and the number of ranks.  Support
+        domains move with the points, and then overlap: a uniform stress in 2D is off by 6 to 10 %
+        (rms, DM-GC, ``jitter`` 0.3) with 4 points a cell, 2 to 4 % with 16 and 0.9 % with 64, and
+        no finer grid makes that less.
+        Raises ``ValueError`` for a body without points, a ``per_cell`` that is no k^dim, a ``seed``
+        < 0, or an ``inside`` of the wrong shape.
         """
         if not hasattr(grid, "owned_cells"):
-            raise ValueError(f"grid must be a Grid, such as Grid.box((0, 0), (2, 1), (20, 10)), got {grid!r}")
+            raise ValueError(
+                f"grid must be a Grid, such as Grid.box((0, 0), (2, 1), (20, 10)), got {grid!r}"
+            )
         dim = grid.dim
         check_law(material, dim)
         whole("per_cell", per_cell)
         whole("seed", seed, least=0)
         k = round(per_cell ** (1 / dim))
         if k**dim != per_cell:
-            raise ValueError(f"per_cell must be a {'square' if dim == 2 else 'cube'} of a whole number, got {per_cell}")
+            raise ValueError(
+                f"per_cell must be a {'square' if dim == 2 else 'cube'} of a whole number, got "
+                f"{per_cell}"
+            )
         seed = whole("seed", seed, least=0)
         if not 0.0 <= finite("jitter", jitter) < 0.5:
             raise ValueError(f"jitter must lie in [0, 0.5), got {jitter}")
@@ -123,7 +151,9 @@ class MaterialPoints:
                 beside = place.copy()
                 beside[:, d] = (place[:, d] + 2 * end - 1) % k
                 leaves = place[:, d] == end * (k - 1)
-                cell = np.where(leaves, lattice.neighbour[:, d, end, None], np.arange(grid.cells)[:, None])
+                cell = np.where(
+                    leaves, lattice.neighbour[:, d, end, None], np.arange(grid.cells)[:, None]
+                )
                 exposed[:, :, d, end] = (cell < 0) | ~body[cell, beside @ k ** np.arange(dim)]
         keep = body & (np.arange(grid.cells) < grid.owned_cells)[:, None]
         half = np.broadcast_to(spacing[:, None] / 2, x.shape)
@@ -139,18 +169,25 @@ class MaterialPoints:
         return cls(material, x, half, volume, size=size, exposed=exposed, seat=seat)
 
     def stretches(self, gradient: np.ndarray, smooth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Ratios of volumes (n,) and of the support domains' extents (n, dim) for displacement gradients (n, dim, dim).
+        """Ratios of volumes (n,) and of the support domains' extents (n, dim) for displacement
+        gradients (n, dim, dim).
 
-        Volumes follow ``gradient``; support domains follow ``smooth``, whose mean over neighbouring domains
-        leaves neither gap nor overlap between them.  Raises ``ValueError`` naming a point that turns inside out.
+        Volumes follow ``gradient``; support domains follow ``smooth``, whose mean over neighbouring
+        domains leaves neither gap nor overlap between them.
+        Raises ``ValueError`` naming a point that turns inside out.
         """
         J = tensors.stretch(gradient)
         stretch = 1.0 + np.einsum("nii->ni", smooth)
         if not (J.min(initial=1.0) > 0.0 and stretch.min(initial=1.0) > 0.0):
-            p = int(np.argmin(np.where(np.isfinite(J), np.minimum(J, stretch.min(axis=1)), -np.inf)))
+            p = int(
+                np.argmin(np.where(np.isfinite(J), np.minimum(J, stretch.min(axis=1)), -np.inf))
+            )
             what = f"turns inside out: det F = {J[p]:.3g} in the step"
             if J[p] > 0.0:
-                what = f"has a support domain that turns inside out: it stretches by {stretch[p]} in the step"
+                what = (
+                    "has a support domain that turns inside out: it stretches by "
+                    f"{stretch[p]} in the step"
+                )
             raise ValueError(f"material point {p} at x={self.x[p]} {what}")
         return J, stretch
 
@@ -162,33 +199,54 @@ class MaterialPoints:
         self.volume *= J
         self.half *= stretch
 
-    def surface(self, *sides: str, where: Callable[[np.ndarray], np.ndarray] | None = None) -> SurfacePoints:
-        """Surface points on the faces of support domains that form the body's edge, on one side or several.
+    def surface(
+        self, *sides: str, where: Callable[[np.ndarray], np.ndarray] | None = None
+    ) -> SurfacePoints:
+        """Surface points on the faces of support domains that form the body's edge, on one side or
+        several.
 
-        ``sides``: left, right, bottom, top, back or front, the way the outward normal points; ``where`` maps face
-        centres (dim, n) to bool (n,) and keeps a part.  Each face carries Gauss points, so that its integrals are
-        exact for cubics.  One surface of several sides costs less than several surfaces.  A rank may hold none.
-        Slopes and curves become staircases, of too much area: a ``UserWarning`` says so.
+        ``sides``: left, right, bottom, top, back or front, the way the outward normal points;
+        ``where`` maps face centres (dim, n) to bool (n,) and keeps a part.  Each face carries Gauss
+        points, so that its integrals are exact for cubics.  One surface of several sides costs less
+        than several surfaces.  A rank may hold none. Slopes and curves become staircases, of too
+        much area: a ``UserWarning`` says so.
         Raises ``ValueError`` for a side that is not known.
         """
         if not sides:
             raise ValueError("sides must name one side or several, got none")
         if self.exposed is None:
-            raise ValueError("surface needs points made by fill; give SurfacePoints(x, normal, area) instead")
-        faces = [self._faces(one_of("side", side, list(SIDES)[: 2 * self.dim]), where) for side in sides]
-        stairs = [levels_of_a_slope(x, half, SIDES[side][0]) for side, (x, half) in zip(sides, faces, strict=True)]
+            raise ValueError(
+                "surface needs points made by fill; give SurfacePoints(x, normal, area) instead"
+            )
+        faces = [
+            self._faces(one_of("side", side, list(SIDES)[: 2 * self.dim]), where) for side in sides
+        ]
+        stairs = [
+            levels_of_a_slope(x, half, SIDES[side][0])
+            for side, (x, half) in zip(sides, faces, strict=True)
+        ]
         if any(stairs):
             side = sides[int(np.argmax(stairs))]
-            warnings.warn(f"surface: {side} is a staircase of {max(stairs)} levels, as of a slope or a curve, whose "
-                          f"faces have up to {1.41 if self.dim == 2 else 1.73} times the true area (a circle's 1.27 "
-                          "times): loads and dashpots on them are too large by that; take a flat part by where=..., or "
-                          "SurfacePoints(x, normal, area) along the true edge", UserWarning, stacklevel=2)
+            warnings.warn(
+                f"surface: {side} is a staircase of {max(stairs)} levels, as of a slope or a "
+                "curve, whose "
+                f"faces have up to {1.41 if self.dim == 2 else 1.73} times the true area (a "
+                "circle's 1.27 "
+                "times): loads and dashpots on them are too large by that; take a flat part by "
+                "where=..., or "
+                "SurfacePoints(x, normal, area) along the true edge",
+                UserWarning,
+                stacklevel=2,
+            )
         parts = [self._gauss_points(side, *face) for side, face in zip(sides, faces, strict=True)]
         found = (np.concatenate(part) for part in zip(*parts, strict=True))
         return SurfacePoints(*found, per_face=2 ** (self.dim - 1))
 
-    def _faces(self, side: str, where: Callable[[np.ndarray], np.ndarray] | None) -> tuple[np.ndarray, np.ndarray]:
-        """Centres of the faces on one side (n, dim), m, and half the support domains that they belong to."""
+    def _faces(
+        self, side: str, where: Callable[[np.ndarray], np.ndarray] | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Centres of the faces on one side (n, dim), m, and half the support domains that they
+        belong to."""
         d, end = SIDES[side]
         rows = np.flatnonzero(self.exposed[:, d, end])
         x, half = (self.x if self.seat is None else self.seat)[rows], self.half[rows]
@@ -211,9 +269,12 @@ class MaterialPoints:
 
 
 def _lattice_numbers(grid, per_cell: int) -> np.ndarray:
-    """Numbers (cells, per_cell) of all places that ``fill`` has in a grid, the same on any number of ranks."""
+    """Numbers (cells, per_cell) of all places that ``fill`` has in a grid, the same on any number
+    of ranks."""
     index = grid.index
-    cells = 1 + np.array(grid.comm.allgather(index.max(axis=0, initial=-1))).max(axis=0)  # along each direction
+    cells = 1 + np.array(grid.comm.allgather(index.max(axis=0, initial=-1))).max(
+        axis=0
+    )  # along each direction
     cell = index @ np.concatenate(([1], np.cumprod(cells[:-1])))
     return cell[:, None] * per_cell + np.arange(per_cell)
 

@@ -15,9 +15,10 @@ NEAR = 0.4
 def levels_of_a_slope(x: np.ndarray, half: np.ndarray, d: int) -> int:
     """How many levels along direction ``d`` fine stairs join, 0 where faces form no slope.
 
-    ``x``, ``half`` (n, dim), m: centres of faces with normals along d, and half their support domains.  Faces of one
-    level side by side form a tread; where one tread ends another one begins.  Blocks have long treads and high stairs,
-    slopes have stairs of one point, or treads of one, or both.
+    ``x``, ``half`` (n, dim), m: centres of faces with normals along d, and half their support
+    domains.  Faces of one level side by side form a tread; where one tread ends another one begins.
+    Blocks have long treads and high stairs, slopes have stairs of one point, or treads of one, or
+    both.
     """
     if not len(x):
         return 0
@@ -35,7 +36,9 @@ def _joined(x: np.ndarray, half: np.ndarray, d: int, e: int) -> np.ndarray:
     level, line, height, width = level[order], line[order], x[order, d], half[order, d]
     start, end = (x - half)[order, e], (x + half)[order, e]
     near = NEAR * half[:, e].min()
-    first = np.flatnonzero(np.r_[True, (np.diff(level) != 0) | (np.diff(line) != 0) | (start[1:] - end[:-1] > near)])
+    first = np.flatnonzero(
+        np.r_[True, (np.diff(level) != 0) | (np.diff(line) != 0) | (start[1:] - end[:-1] > near)]
+    )
     last = np.r_[first[1:], len(x)] - 1
     apart = 2.0 * np.ptp(np.r_[start, end])  # of the lines, one after the other
     begin, finish = start[first] + apart * line[first], end[last] + apart * line[last]

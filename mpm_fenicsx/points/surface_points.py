@@ -13,14 +13,17 @@ from ..common.checks import array
 @dataclass
 class SurfacePoints:
     """Points without thickness on a surface: ``x`` (n, dim), m; outward unit ``normal`` (n, dim);
-    ``area`` (n,), m² (m per metre in plane strain).  ``per_face``: so many in a row are the Gauss points of one face,
-    whose loads are then integrated piece by piece where grid lines cross it; 1 where each stands for itself.
+    ``area`` (n,), m² (m per metre in plane strain).  ``per_face``: so many in a row are the Gauss
+    points of one face, whose loads are then integrated piece by piece where grid lines cross it; 1
+    where each stands for itself.
 
-    A run moves them: the arrays are then those at the time reached.  On several ranks each may be given all rows, or
-    its own.  A run leaves with each rank, here too, those that lie in its cells, and ``number`` (n,) says which of the
-    rows given they are; what a load gives row by row may go on being given for all of those.
+    A run moves them: the arrays are then those at the time reached.  On several ranks each may be
+    given all rows, or its own.  A run leaves with each rank, here too, those that lie in its cells,
+    and ``number`` (n,) says which of the rows given they are; what a load gives row by row may go
+    on being given for all of those.
 
-    Raises ``ValueError`` for arrays that do not fit, a normal that is not a unit vector, or an area <= 0.
+    Raises ``ValueError`` for arrays that do not fit, a normal that is not a unit vector, or an area
+    <= 0.
     """
 
     x: np.ndarray
@@ -28,23 +31,40 @@ class SurfacePoints:
     area: np.ndarray
     displacement: np.ndarray | None = None  # since the start; only where a spring asks for it
     per_face: int = 1
-    number: np.ndarray | None = field(default=None, init=False)  # None while all that was given is here
+    number: np.ndarray | None = field(
+        default=None, init=False
+    )  # None while all that was given is here
     given: int = field(default=0, init=False)
-    rest_area: np.ndarray | None = field(default=None, repr=False)  # (n,): at the start; only for dead loads
+    rest_area: np.ndarray | None = field(
+        default=None, repr=False
+    )  # (n,): at the start; only for dead loads
 
     def __post_init__(self) -> None:
-        self.x, self.normal, self.area = (array(n, getattr(self, n)) for n in ("x", "normal", "area"))
-        if self.x.ndim != 2 or self.normal.shape != self.x.shape or self.area.shape != self.x.shape[:1]:
-            raise ValueError(f"surface points need x (n, dim), normal (n, dim), area (n,), got "
-                             f"{self.x.shape}, {self.normal.shape}, {self.area.shape}")
+        self.x, self.normal, self.area = (
+            array(n, getattr(self, n)) for n in ("x", "normal", "area")
+        )
+        if (
+            self.x.ndim != 2
+            or self.normal.shape != self.x.shape
+            or self.area.shape != self.x.shape[:1]
+        ):
+            raise ValueError(
+                f"surface points need x (n, dim), normal (n, dim), area (n,), got "
+                f"{self.x.shape}, {self.normal.shape}, {self.area.shape}"
+            )
         length = np.linalg.norm(self.normal, axis=1)
         if not np.abs(length - 1.0).max(initial=0.0) <= 1e-9:
-            raise ValueError(f"normal must be a unit vector, got one of length {length[np.argmax(abs(length - 1))]}")
+            raise ValueError(
+                "normal must be a unit vector, got one of length "
+                f"{length[np.argmax(abs(length - 1))]}"
+            )
         if not (self.area > 0.0).all():
             raise ValueError(f"area must be positive, got {self.area.min()}")
         if self.per_face not in (1, 2 ** (self.x.shape[1] - 1)) or len(self) % self.per_face:
-            raise ValueError(f"per_face must be 1 or {2 ** (self.x.shape[1] - 1)}, with whole faces, got "
-                             f"{self.per_face} for {len(self)} points")
+            raise ValueError(
+                f"per_face must be 1 or {2 ** (self.x.shape[1] - 1)}, with whole faces, got "
+                f"{self.per_face} for {len(self)} points"
+            )
         self.given = len(self)
 
     def remember_area(self) -> None:
@@ -65,11 +85,13 @@ class SurfacePoints:
                 setattr(self, name, value[rows])
 
     def of_given(self, values: np.ndarray) -> np.ndarray:
-        """The rows that are here of values given for all (given, …), or as they are where they are no such ones."""
+        """The rows that are here of values given for all (given, …), or as they are where they are
+        no such ones."""
         return values if self.number is None or len(values) != self.given else values[self.number]
 
     def follow(self, u: np.ndarray, gradient: np.ndarray) -> None:
-        """Move by displacement increments u (n, dim) with gradients (n, dim, dim): n dA = J F⁻ᵀ N dA₀ (Nanson)."""
+        """Move by displacement increments u (n, dim) with gradients (n, dim, dim): n dA = J F⁻ᵀ N
+        dA₀ (Nanson)."""
         self.x += u
         if self.displacement is not None:
             self.displacement += u

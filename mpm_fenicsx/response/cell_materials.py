@@ -57,8 +57,9 @@ class MaterialRows:
         return self.rows[: np.searchsorted(self.rows, points)]
 
 
-def put_together(parts: Sequence[MaterialRows], function: Callable,
-                 like: Sequence[np.ndarray]) -> tuple:
+def put_together(
+    parts: Sequence[MaterialRows], function: Callable, like: Sequence[np.ndarray]
+) -> tuple:
     """What ``function(part)`` gives for each part's rows, as arrays over all Gauss points.
 
     With one part they are those themselves.  ``like``: arrays of their shapes; what no part gives
@@ -94,10 +95,11 @@ class CellMaterials:
         """From one material, bodies of material points, or pairs of a material and its region.
 
         A cell is of the material of the points that lie in it.  A region maps x (dim, n), m, to
-        bool (n,), and is asked at the cells' centres.  Raises ``ValueError``, on all ranks, naming
-        a cell in which there are several materials or none, or what is no material; for points that
-        have stress, velocity or history; and for bodies that leave cells partly empty.  Warns of
-        cells that a region's edge cuts, and of those that points made by hand do not fill.
+        bool (n,), and is asked at the cells' centres.
+        Raises ``ValueError``, on all ranks, naming a cell in which there are several materials or
+        none, or what is no material; for points that have stress, velocity or history; and for
+        bodies that leave cells partly empty.  Warns of cells that a region's edge cuts, and of
+        those that points made by hand do not fill.
         """
         if isinstance(given, CellMaterials):
             if given.grid is not grid:
@@ -118,9 +120,11 @@ class CellMaterials:
             found = cls(grid, materials, _of_regions(grid, regions))
             found._warn_of_cuts(materials, regions)
             return found
-        raise ValueError("material must be a material, a body of material points or several, or "
-                         "pairs (material, where) with where mapping x (dim, n) to bool (n,), got "
-                         f"{_named(entries if listed else given)}")
+        raise ValueError(
+            "material must be a material, a body of material points or several, or "
+            "pairs (material, where) with where mapping x (dim, n) to bool (n,), got "
+            f"{_named(entries if listed else given)}"
+        )
 
     def __repr__(self) -> str:
         if len(self.materials) == 1:
@@ -151,7 +155,9 @@ class CellMaterials:
         if len(values) == 1:
             return fem.Constant(self.grid.mesh, np.array(values[0]))
         f = fem.Function(dolfinx_versions.space(self.grid.mesh, "DQ", 0))
-        f.x.array[dolfinx_versions.cell_dofs(f.function_space)[:, 0]] = np.array(values)[self.number]
+        f.x.array[dolfinx_versions.cell_dofs(f.function_space)[:, 0]] = np.array(values)[
+            self.number
+        ]
         return f
 
     def parts(self, per_cell: int) -> list[MaterialRows]:
@@ -161,8 +167,10 @@ class CellMaterials:
             return [MaterialRows(self.materials[0], slice(None), numbers, numbers)]
         of = np.repeat(self.number, per_cell)
         rows = [np.flatnonzero(of == k).astype(np.int32) for k in range(len(self.materials))]
-        return [MaterialRows(material, here, here, numbers[: len(here)])
-                for material, here in zip(self.materials, rows, strict=True)]
+        return [
+            MaterialRows(material, here, here, numbers[: len(here)])
+            for material, here in zip(self.materials, rows, strict=True)
+        ]
 
     def elastic_stress(self, cells: np.ndarray, strain: np.ndarray) -> np.ndarray:
         """Stress rows (n, components), Pa, of ``cells`` (n,) after a strain (n, components)."""
@@ -187,9 +195,13 @@ class CellMaterials:
         first = anywhere(grid.comm, f"{x[cut[0]].mean(axis=0)}" if len(cut) else None)
         if first:
             count = grid.comm.allreduce(len(cut))
-            warnings.warn(f"material: the edges of regions cut {count} cells, one with its centre "
-                          f"at x={first}; each is taken to be of the material at its centre: let "
-                          "grid lines follow the interface", UserWarning, stacklevel=4)
+            warnings.warn(
+                f"material: the edges of regions cut {count} cells, one with its centre "
+                f"at x={first}; each is taken to be of the material at its centre: let "
+                "grid lines follow the interface",
+                UserWarning,
+                stacklevel=4,
+            )
 
 
 def _is_material(value) -> bool:
@@ -233,8 +245,10 @@ def _of_regions(grid: Grid, regions: Sequence[Callable]) -> np.ndarray:
         c = bad[0]
         which = np.flatnonzero(held[:, c]).tolist()
         message = f"cell {c} with its centre at x={centre[c]} lies in " + (
-            f"the regions {which}: a cell is of one material" if which else
-            "no region: finite elements have no empty cells, so every cell needs a material")
+            f"the regions {which}: a cell is of one material"
+            if which
+            else "no region: finite elements have no empty cells, so every cell needs a material"
+        )
     _refuse(grid, message)
     cells = grid.comm.allreduce(held[:, : grid.owned_cells].sum(axis=1))
     if not cells.all():
@@ -265,14 +279,18 @@ def _of_bodies(grid: Grid, bodies: Sequence[MaterialPoints]) -> np.ndarray:
         shared = cell[np.isin(number[cell], others)]
         if len(shared) and message is None:
             c = shared[0]
-            message = f"cell {c} with its centre at x={centre[c]} holds points of bodies " \
-                      f"{number[c]} and {n}: finite elements have no interface inside a cell; " \
-                      "use a mesh whose lines follow the bodies"
+            message = (
+                f"cell {c} with its centre at x={centre[c]} holds points of bodies "
+                f"{number[c]} and {n}: finite elements have no interface inside a cell; "
+                "use a mesh whose lines follow the bodies"
+            )
         number[cell] = n
     empty = np.flatnonzero(number[: grid.owned_cells] < 0)
     if len(empty) and message is None:
-        message = f"cell {empty[0]} with its centre at x={centre[empty[0]]} holds no material " \
-                  "points: finite elements have no empty cells; use a mesh of the bodies"
+        message = (
+            f"cell {empty[0]} with its centre at x={centre[empty[0]]} holds no material "
+            "points: finite elements have no empty cells; use a mesh of the bodies"
+        )
     _refuse(grid, message)
     _check_filling(grid, bodies, cells, centre)
     return grid.share_cells(number)
@@ -283,21 +301,26 @@ def _in_motion(number: int, body: MaterialPoints) -> str | None:
     for name in ("stress", "velocity", "acceleration", "history"):
         value = getattr(body, name)
         if value is not None and np.any(value):
-            return f"{name} of body {number} is not zero, and finite elements start unstressed " \
-                   "and at rest: give points as fill makes them, set the nodal velocity " \
-                   "run.motion.v, or go on from a run with start"
+            return (
+                f"{name} of body {number} is not zero, and finite elements start unstressed "
+                "and at rest: give points as fill makes them, set the nodal velocity "
+                "run.motion.v, or go on from a run with start"
+            )
     return None
 
 
-def _check_filling(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray],
-                   centre: np.ndarray) -> None:
+def _check_filling(
+    grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray], centre: np.ndarray
+) -> None:
     """Refuse bodies made by ``fill`` that leave cells partly empty; warn of others."""
     part = _filled(grid, bodies, cells)[: grid.owned_cells]
     lacking, message = np.flatnonzero(np.abs(part - 1.0) > FULL), None
     if len(lacking):
         c = lacking[np.argmin(part[lacking])]
-        message = f"bodies fill {part[c]:.3g} of cell {c} with its centre at x={centre[c]}, and " \
-                  "finite elements all of it"
+        message = (
+            f"bodies fill {part[c]:.3g} of cell {c} with its centre at x={centre[c]}, and "
+            "finite elements all of it"
+        )
     if all(body.exposed is not None for body in bodies):
         _refuse(grid, message and f"{message}: use a mesh of the bodies")
     message = anywhere(grid.comm, message)
@@ -305,11 +328,15 @@ def _check_filling(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence
         warnings.warn(f"material: {message}", UserWarning, stacklevel=5)
 
 
-def _filled(grid: Grid, bodies: Sequence[MaterialPoints],
-            cells: Sequence[np.ndarray]) -> np.ndarray:
+def _filled(
+    grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray]
+) -> np.ndarray:
     """The part of each cell (cells,) that support domains fill, as they were before jitter."""
     volume = fem.Function(dolfinx_versions.space(grid.mesh, "DQ", 0))
-    dofs, neighbour = dolfinx_versions.cell_dofs(volume.function_space)[:, 0], grid.lattice.neighbour
+    dofs, neighbour = (
+        dolfinx_versions.cell_dofs(volume.function_space)[:, 0],
+        grid.lattice.neighbour,
+    )
     for body, cell in zip(bodies, cells, strict=True):
         stencil = Stencil(grid, len(body), support=True)
         stencil.place(body.x if body.seat is None else body.seat, body.half, cell)

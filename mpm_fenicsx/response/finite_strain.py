@@ -1,8 +1,9 @@
 """Finite strain within a step, the step's start being the reference: P : ∇w in place of σ : ε(w).
 
-With f = I + ∇u and J, σ before the step, a point works with P = τ(f) f⁻ᵀ/J against ∇w, per its volume before the step,
-and P = σ at u = 0.  What the points bear at the start is summed at the points; here the rest is added, P - σ, and the
-tangent ∂P/∂f, geometric stiffness included.  The forms carry none of it.
+With f = I + ∇u and J, σ before the step, a point works with P = τ(f) f⁻ᵀ/J against ∇w, per its
+volume before the step, and P = σ at u = 0.  What the points bear at the start is summed at the
+points; here the rest is added, P - σ, and the tangent ∂P/∂f, geometric stiffness included.  The
+forms carry none of it.
 """
 
 from __future__ import annotations
@@ -37,26 +38,46 @@ class FiniteStrain(Yielding):
         super().__init__(motion)
         self._numbers = motion.grid.dim**2, len(np.triu_indices(motion.grid.dim**2)[0])
 
-    def _response(self, material, states, gradient: np.ndarray, F: np.ndarray, at: np.ndarray, of: np.ndarray):
+    def _response(
+        self, material, states, gradient: np.ndarray, F: np.ndarray, at: np.ndarray, of: np.ndarray
+    ):
         """P (m, dim²) and ∂P/∂F, its upper triangle, of pairs: deformation ``at`` and state ``of``.
 
-        ``states``: those of ``FINITE_STRAIN``, factors of P, history and sizes; ``gradient``: f - 1 of the
-        step; ``F`` the deformation of the configuration that P works in.
+        ``states``: those of ``FINITE_STRAIN``, factors of P, history and sizes; ``gradient``: f - 1
+        of the step; ``F`` the deformation of the configuration that P works in.
         """
         state, scale, history, size = states
         strain, values, vectors = FINITE_STRAIN.trial(state, gradient, at, of)
         κ, d = (None if a is None else a[of] for a in (history, size))
         τ, _, D = material.tangent(strain, np.zeros_like(strain), κ, d)
         stress, tangent = (np.empty((len(at), n)) for n in self._numbers)
-        hencky_strain.nominal(self.motion.grid.axes, F, scale, at, of, SHEAR[F.shape[1]], self._plane, τ, D, values,
-                            vectors, stress, tangent)
+        hencky_strain.nominal(
+            self.motion.grid.axes,
+            F,
+            scale,
+            at,
+            of,
+            SHEAR[F.shape[1]],
+            self._plane,
+            τ,
+            D,
+            values,
+            vectors,
+            stress,
+            tangent,
+        )
         return stress, tangent
 
 
 def states_of(body: MaterialPoints):
     """What ``FiniteStrain._response`` wants to know of the points of a body, before the step."""
     J = volume_ratio(body)
-    return FINITE_STRAIN.state(body.material, J[:, None] * body.stress), 1.0 / J, body.history, body.size
+    return (
+        FINITE_STRAIN.state(body.material, J[:, None] * body.stress),
+        1.0 / J,
+        body.history,
+        body.size,
+    )
 
 
 def product(tangent: np.ndarray, gradient: np.ndarray) -> np.ndarray:
@@ -93,9 +114,12 @@ class FiniteStrainAtGaussPoints(FiniteStrain):
 
 
 class FiniteStrainPoints(FiniteStrainAtGaussPoints):
-    """The response of material points, double-mapped: each is asked at every Gauss point that it reaches."""
+    """The response of material points, double-mapped: each is asked at every Gauss point that it
+    reaches."""
 
-    def __init__(self, motion: Motion, gauss: GaussPoints, bodies: Sequence[tuple[MaterialPoints, Stencil]]):
+    def __init__(
+        self, motion: Motion, gauss: GaussPoints, bodies: Sequence[tuple[MaterialPoints, Stencil]]
+    ):
         super().__init__(motion, gauss)
         self._bodies = bodies
 
@@ -124,25 +148,37 @@ def _chunks(*arrays: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
 
 
 class FiniteStrainSums(FiniteStrain):
-    """The response of material points where integrals are taken at the points, with the gradients they recover.
+    """The response of material points where integrals are taken at the points, with the gradients
+    they recover.
 
-    What is linear in u is a form, with the tangent at the start of the step, projected; what goes beyond is summed at
-    the points.  With linear shape functions both are point sums, and the matrix is the derivative.  With support
-    domains the form has the mean over the domain of ∇N ∇N, the points ∇S ∇S, so that the difference is left to the next
-    step.  ``recover`` maps nodal u to a body's displacement gradients (n, dim, dim).
+    What is linear in u is a form, with the tangent at the start of the step, projected; what goes
+    beyond is summed at the points.  With linear shape functions both are point sums, and the matrix
+    is the derivative.  With support domains the form has the mean over the domain of ∇N ∇N, the
+    points ∇S ∇S, so that the difference is left to the next step.  ``recover`` maps nodal u to a
+    body's displacement gradients (n, dim, dim).
     """
 
-    def __init__(self, motion: Motion, bodies: Sequence[tuple[MaterialPoints, Stencil]],
-                 recover: Sequence[Callable[[np.ndarray], np.ndarray]]):
+    def __init__(
+        self,
+        motion: Motion,
+        bodies: Sequence[tuple[MaterialPoints, Stencil]],
+        recover: Sequence[Callable[[np.ndarray], np.ndarray]],
+    ):
         super().__init__(motion)
         grid = motion.grid
         self._bodies, self._recover = bodies, recover
         self._force = np.zeros((grid.nodes, grid.dim))
-        self._start, self._tangent = (Projection(grid, AT_POINTS, self._numbers[1]) for _ in range(2))
+        self._start, self._tangent = (
+            Projection(grid, AT_POINTS, self._numbers[1]) for _ in range(2)
+        )
         dx = motion.region.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
         trial = ufl.TrialFunction(grid.space)
-        self.work = weak_forms.nominal_stiffness(ufl.as_vector(self._start.fields), motion.u, motion.w) * dx
-        self.stiffness = weak_forms.nominal_stiffness(ufl.as_vector(self._tangent.fields), trial, motion.w) * dx
+        self.work = (
+            weak_forms.nominal_stiffness(ufl.as_vector(self._start.fields), motion.u, motion.w) * dx
+        )
+        self.stiffness = (
+            weak_forms.nominal_stiffness(ufl.as_vector(self._tangent.fields), trial, motion.w) * dx
+        )
 
     def place(self) -> None:
         """Find the states before the step."""
@@ -159,7 +195,9 @@ class FiniteStrainSums(FiniteStrain):
         """Refresh everything for the motion's u."""
         u = self.motion.nodal(self.motion.u)
         self._respond(u)
-        for (body, stencil), recover, tangent in zip(self._bodies, self._recover, self._linear, strict=True):
+        for (body, stencil), recover, tangent in zip(
+            self._bodies, self._recover, self._linear, strict=True
+        ):
             self._deposit(body, stencil, -product(tangent, recover(u)))
         return True
 
@@ -171,10 +209,16 @@ class FiniteStrainSums(FiniteStrain):
         self._force[:] = 0.0
         self._tangent.clear()
         tangents = []
-        for (body, stencil), recover, states in zip(self._bodies, self._recover, self._states, strict=True):
+        for (body, stencil), recover, states in zip(
+            self._bodies, self._recover, self._states, strict=True
+        ):
             gradient, rows = recover(u), np.arange(len(body), dtype=np.int32)
-            stress, tangent = self._response(body.material, states, gradient, deformation(gradient), rows, rows)
-            self._deposit(body, stencil, stress - tensors.matrix(body.stress, body.dim).reshape(stress.shape))
+            stress, tangent = self._response(
+                body.material, states, gradient, deformation(gradient), rows, rows
+            )
+            self._deposit(
+                body, stencil, stress - tensors.matrix(body.stress, body.dim).reshape(stress.shape)
+            )
             self._tangent.add(stencil, body.volume[:, None] * tangent)
             tangents.append(tangent)
         self._tangent.finish()
@@ -185,8 +229,13 @@ class FiniteStrainSums(FiniteStrain):
         stencil.deposit_divergence(force.reshape(len(body), body.dim, body.dim), self._force)
 
 
-def finite_strain_of(motion: Motion, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil],
-                     integration: Integration, recover: Callable[[int, np.ndarray], np.ndarray]) -> FiniteStrain | None:
+def finite_strain_of(
+    motion: Motion,
+    bodies: Sequence[MaterialPoints],
+    stencils: Sequence[Stencil],
+    integration: Integration,
+    recover: Callable[[int, np.ndarray], np.ndarray],
+) -> FiniteStrain | None:
     """The response of those bodies that are of finite strain, None where there are none.
 
     Raises ``ValueError`` where others yield at small strain.
@@ -196,8 +245,10 @@ def finite_strain_of(motion: Motion, bodies: Sequence[MaterialPoints], stencils:
         return None
     for n, body in enumerate(bodies):
         if n not in finite and body.material.history:
-            raise ValueError(f"points: a body that yields at small strain cannot share a run with one of finite "
-                             f"strain, got {body.material!r}")
+            raise ValueError(
+                f"points: a body that yields at small strain cannot share a run with one of finite "
+                f"strain, got {body.material!r}"
+            )
     chosen = [(bodies[n], stencils[n]) for n in finite]
     if integration is DOUBLE_MAPPED:
         return FiniteStrainPoints(motion, GaussPoints(motion.grid), chosen)

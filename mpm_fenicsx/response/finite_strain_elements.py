@@ -29,17 +29,21 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         self.parts = materials.parts(gauss.digit.shape[1])
         for part in self.parts:
             if part.material.history and not part.finite:
-                raise ValueError("material: one that yields at small strain cannot share a run "
-                                 f"with one of finite strain, got {part.material!r}")
+                raise ValueError(
+                    "material: one that yields at small strain cannot share a run "
+                    f"with one of finite strain, got {part.material!r}"
+                )
         self.state = np.zeros((len(gauss), tensors.components(dim)))
         self.deformation = np.tile(np.eye(dim), (len(gauss), 1, 1))
         self.history = np.zeros((len(gauss), max(len(law.history) for law in materials.materials)))
         self.size = gauss.size if any(law.length for law in materials.materials) else None
         with together(motion.grid.comm):  # what a law refuses it refuses here, on all ranks
             for part in self.parts:
-                part.material.respond(*(a[part.rows] for a in (np.zeros_like(self.state), self.state)),
-                                      part.columns(self.history)[part.rows],
-                                      None if part.size(self.size) is None else self.size[part.rows])
+                part.material.respond(
+                    *(a[part.rows] for a in (np.zeros_like(self.state), self.state)),
+                    part.columns(self.history)[part.rows],
+                    None if part.size(self.size) is None else self.size[part.rows],
+                )
         self._one = np.ones(len(gauss))
         self.derive()
 
@@ -77,7 +81,8 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
             if part.finite:
                 history, size, at = part.columns(self.history), part.size(self.size), part.numbers
                 self.stress.rows[part.rows], self.tangent.rows[part.rows] = self._response(
-                    part.material, (self._before, self._one, history, size), gradient, F, at, at)
+                    part.material, (self._before, self._one, history, size), gradient, F, at, at
+                )
         if self.motion.stepping.start:
             self.stress.rows += self._nominal
 
@@ -93,7 +98,9 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         if not J.min(initial=1.0) > 0.0:
             g = int(np.argmin(J))
             cell = g // self.gauss.digit.shape[1]
-            x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)[cell], : grid.dim].mean(axis=0)
+            x = grid.mesh.geometry.x[
+                dolfinx_versions.cell_vertices(grid.mesh)[cell], : grid.dim
+            ].mean(axis=0)
             message = f"cell {cell} with its centre at x={x} turns inside out: det F = {J[g]:.3g}"
         message = anywhere(grid.comm, message)
         if message:
@@ -115,11 +122,13 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
             return F[rows], τ / np.linalg.det(F[rows])[:, None], history
 
         self.deformation, self.state, self.history = put_together(
-            self.parts, respond, (self.deformation, self.state, self.history))
+            self.parts, respond, (self.deformation, self.state, self.history)
+        )
         self.derive()
 
     def energy(self, cells: int) -> dict[str, float]:
         """Strain energy and plastic work (J) of the first ``cells`` cells."""
         points = cells * self.gauss.digit.shape[1]
-        return energies(self.parts, points, self.gauss.volume, self._kirchhoff, self.history,
-                        self.size)
+        return energies(
+            self.parts, points, self.gauss.volume, self._kirchhoff, self.history, self.size
+        )

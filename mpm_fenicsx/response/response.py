@@ -9,7 +9,8 @@ from ..dynamics.motion import Motion
 
 
 class Yielding:
-    """What the law adds to the elastic response: ``work`` and ``stiffness`` as forms, or a force summed at points."""
+    """What the law adds to the elastic response: ``work`` and ``stiffness`` as forms, or a force
+    summed at points."""
 
     work: object = 0
     stiffness: object = 0
@@ -55,8 +56,8 @@ class Yielding:
         raise NotImplementedError
 
     def _law(self, material, strain, state, at, of) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Which pairs of strain ``at`` and state ``of`` yield; beyond elasticity their stress, and their tangent in
-        the plane."""
+        """Which pairs of strain ``at`` and state ``of`` yield; beyond elasticity their stress, and
+        their tangent in the plane."""
         stress, history, size = state
         rows = material.yields(strain, stress, history, at, of, size)
         at, of = at[rows], of[rows]
@@ -64,4 +65,8 @@ class Yielding:
         new, _, tangent = material.tangent(ε, σ, history[of], None if size is None else size[of])
         i, j = self._upper
         elastic = material.elastic.tangent(ε[:1], σ[:1], None)[2]
-        return rows, new - material.elastic.update(ε, σ), (tangent - elastic)[:, self._plane[i], self._plane[j]]
+        return (
+            rows,
+            new - material.elastic.update(ε, σ),
+            (tangent - elastic)[:, self._plane[i], self._plane[j]],
+        )

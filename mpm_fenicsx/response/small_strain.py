@@ -4,8 +4,8 @@ The forms carry the elastic response to the increment u; here the rest of the la
 
     S_g = Σ_p w_gp [σ(state_p; Δε_g) − σ_p − C_p : Δε_g],    D_g = Σ_p w_gp [∂σ/∂ε − C_p],
 
-w_gp = Σ_i N_i(x_g) S*_ip W_p / m_i: the double mapping of eq. (7), applied to the constitutive law itself instead of
-to its moduli.  Where nothing yields both are zero and the step is the linear one.
+w_gp = Σ_i N_i(x_g) S*_ip W_p / m_i: the double mapping of eq. (7), applied to the constitutive law
+itself instead of to its moduli.  Where nothing yields both are zero and the step is the linear one.
 """
 
 from __future__ import annotations
@@ -51,11 +51,19 @@ class YieldingPoints(YieldingAtGaussPoints):
     Each point is asked at every Gauss point that its support domain reaches.
     """
 
-    def __init__(self, motion: Motion, gauss: GaussPoints, bodies: Sequence[MaterialPoints],
-                 stencils: Sequence[Stencil]):
+    def __init__(
+        self,
+        motion: Motion,
+        gauss: GaussPoints,
+        bodies: Sequence[MaterialPoints],
+        stencils: Sequence[Stencil],
+    ):
         super().__init__(motion, gauss)
-        self._bodies = [(body, stencil) for body, stencil in zip(bodies, stencils, strict=True)
-                        if body.material.history]
+        self._bodies = [
+            (body, stencil)
+            for body, stencil in zip(bodies, stencils, strict=True)
+            if body.material.history
+        ]
         self._pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def place(self) -> None:
@@ -91,12 +99,16 @@ class YieldingElements(YieldingAtGaussPoints):
             for part in self.parts:
                 stress, history, size = self._state(part)
                 part.material.respond(np.zeros_like(stress), stress, history, size)
-        self._elastic = np.zeros_like(self.state)  # what the strain so far would give without yielding
+        self._elastic = np.zeros_like(
+            self.state
+        )  # what the strain so far would give without yielding
 
     def clear(self) -> None:
         """Nothing yields in this step; what yielded before stays."""
         super().clear()
-        self.stress.rows[:] = (1.0 + self.motion.stepping.start) * (self.state - self._elastic)[:, self._plane]
+        self.stress.rows[:] = (1.0 + self.motion.stepping.start) * (self.state - self._elastic)[
+            :, self._plane
+        ]
 
     def _state(self, part: MaterialRows) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Stress, history and sizes of one material's Gauss points."""
@@ -109,8 +121,9 @@ class YieldingElements(YieldingAtGaussPoints):
         for part in self.parts:
             if not part.material.history:
                 continue
-            rows, stress, tangent = self._law(part.material, strain[part.rows], self._state(part),
-                                              part.count, part.count)
+            rows, stress, tangent = self._law(
+                part.material, strain[part.rows], self._state(part), part.count, part.count
+            )
             if len(rows):
                 self.active = True
                 at = part.numbers[rows]
@@ -132,7 +145,8 @@ class YieldingElements(YieldingAtGaussPoints):
             return elastic, *law.respond(mine, stress, history, size)
 
         self._elastic, self.state, self.history = put_together(
-            self.parts, respond, (self._elastic, self.state, self.history))
+            self.parts, respond, (self._elastic, self.state, self.history)
+        )
 
     def energy(self, cells: int) -> dict[str, float]:
         """Strain energy and plastic work (J) of the first ``cells`` cells."""
@@ -140,8 +154,14 @@ class YieldingElements(YieldingAtGaussPoints):
         return energies(self.parts, points, self.gauss.volume, self.state, self.history, self.size)
 
 
-def energies(parts: Sequence[MaterialRows], points: int, volume: np.ndarray, stress: np.ndarray,
-             history: np.ndarray, size: np.ndarray | None) -> dict[str, float]:
+def energies(
+    parts: Sequence[MaterialRows],
+    points: int,
+    volume: np.ndarray,
+    stress: np.ndarray,
+    history: np.ndarray,
+    size: np.ndarray | None,
+) -> dict[str, float]:
     """Strain energy and, where a law can yield, plastic work (J) of the first Gauss points.
 
     ``volume`` (m³), ``stress`` (Pa), ``history`` and ``size`` (m, or None) are those of all.

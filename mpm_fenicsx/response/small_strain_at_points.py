@@ -19,13 +19,18 @@ from .response import Yielding
 class YieldingAtPoints(Yielding):
     """The laws of material points, asked once at each point with the strain it will recover.
 
-    Stress is summed at the points; the tangent is projected like the moduli, so that with linear shape functions it
-    is the derivative of the sum, and with support domains nearly so.  ``recover`` maps a body's number and nodal u to
-    displacement gradients (n, dim, dim).
+    Stress is summed at the points; the tangent is projected like the moduli, so that with linear
+    shape functions it is the derivative of the sum, and with support domains nearly so.
+    ``recover`` maps a body's number and nodal u to displacement gradients (n, dim, dim).
     """
 
-    def __init__(self, motion: Motion, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil],
-                 recover: Callable[[int, np.ndarray], np.ndarray]):
+    def __init__(
+        self,
+        motion: Motion,
+        bodies: Sequence[MaterialPoints],
+        stencils: Sequence[Stencil],
+        recover: Callable[[int, np.ndarray], np.ndarray],
+    ):
         super().__init__(motion)
         grid = motion.grid
         self._bodies, self._stencils, self._recover = bodies, stencils, recover
@@ -33,7 +38,9 @@ class YieldingAtPoints(Yielding):
         self._force = np.zeros((grid.nodes, grid.dim))
         self._rows = [np.arange(len(body), dtype=np.int32) for body in bodies]
         dx = motion.region.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
-        tangent = weak_forms.plastic_stiffness(ufl.as_vector(self._tangent.fields), ufl.TrialFunction(grid.space), motion.w)
+        tangent = weak_forms.plastic_stiffness(
+            ufl.as_vector(self._tangent.fields), ufl.TrialFunction(grid.space), motion.w
+        )
         self.stiffness = tangent * dx
 
     def place(self) -> None:

@@ -37,19 +37,22 @@ from .run import Run
 from .scene_checks import check_options
 
 ALIKE = 1e-2
-"""Of the largest acceleration: by no more does that of a run before differ from the balance of its own loads."""
+"""Of the largest acceleration: by no more does that of a run before differ from the balance of its
+own loads."""
 
 
 class FiniteElements(Run):
-    """Finite element run on the whole grid, bilinear (trilinear) elements, in the configuration at rest.
+    """Finite element run on the whole grid, bilinear (trilinear) elements, in the configuration at
+    rest.
 
     ``material``: one; or the bodies of a material point run, at rest, which must fill the grid's
     cells, each with points of one material; or pairs (material, where), ``where`` mapping x
     (dim, n), m, to bool (n,) at the cells' centres, on any mesh.  See ``CellMaterials``.
-    At small strain the tangent does not change, so it is assembled and factored once; ``reassemble`` does it every
-    step, as a material point run must, for a fair clock.  ``solver``: PETSc options.  ``b_bar``: volume changes by the
-    cell's mean, which cures locking where ν comes near ½ or flow keeps the volume.
-    ``initial_acceleration``: that of the balance of forces at the start, unless nodes have one, or zero.
+    At small strain the tangent does not change, so it is assembled and factored once;
+    ``reassemble`` does it every step, as a material point run must, for a fair clock.  ``solver``:
+    PETSc options.  ``b_bar``: volume changes by the cell's mean, which cures locking where ν comes
+    near ½ or flow keeps the volume. ``initial_acceleration``: that of the balance of forces at the
+    start, unless nodes have one, or zero.
 
     ``start``: the run whose state this one goes on from: displacement, stress and history, velocity
     and acceleration (a quasi-static one is at rest), and what springs have accumulated on the same
@@ -60,11 +63,19 @@ class FiniteElements(Run):
 
     bodies = ()  # no material points
 
-    def __init__(self, grid: Grid, material, stepping: Newmark | QuasiStatic, terms: Sequence,
-                 reassemble: bool = False, newton: Newton | None = None,
-                 solver: Mapping[str, object] | None = None, b_bar: bool = False,
-                 start: FiniteElements | None = None,
-                 initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED):
+    def __init__(
+        self,
+        grid: Grid,
+        material,
+        stepping: Newmark | QuasiStatic,
+        terms: Sequence,
+        reassemble: bool = False,
+        newton: Newton | None = None,
+        solver: Mapping[str, object] | None = None,
+        b_bar: bool = False,
+        start: FiniteElements | None = None,
+        initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
+    ):
         super().__init__("FE", grid, stepping, terms)
         check_options(newton, solver, reassemble=reassemble, b_bar=b_bar)
         check_start(initial_acceleration)
@@ -87,12 +98,18 @@ class FiniteElements(Run):
         refuse_disagreement(scene, self.terms)
         if not reassemble:
             direct = "mumps" if grid.comm.size > 1 else "petsc"
-            solver = {"ksp_type": "preonly", "pc_type": "cholesky", "pc_factor_mat_solver_type": direct,
-                      **(solver or {})}
+            solver = {
+                "ksp_type": "preonly",
+                "pc_type": "cholesky",
+                "pc_factor_mat_solver_type": direct,
+                **(solver or {}),
+            }
         if b_bar:
             warn_of_laws(materials.materials)
         self.yielding = self._can_yield()
-        self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton)
+        self.equilibrium = Equilibrium(
+            motion, self.contributions, scene.fixed, solver, self.yielding, newton
+        )
         self._goes_on = start is not None
         if start is not None:
             self._go_on_from(start)
@@ -112,16 +129,31 @@ class FiniteElements(Run):
         motion = self.motion
         there = self.stepping.dynamic and self.grid.comm.allreduce(int(motion.a.x.array.any()))
         step = self.stepping
-        at_end = step.dynamic and step.balanced == (step.velocity, step.acceleration)  # not so in generalised α
+        at_end = step.dynamic and step.balanced == (
+            step.velocity,
+            step.acceleration,
+        )  # not so in generalised α
         given = there and not (self._goes_on and at_end)
-        if not self.stepping.dynamic or given or self.initial_acceleration is InitialAcceleration.ZERO:
+        if (
+            not self.stepping.dynamic
+            or given
+            or self.initial_acceleration is InitialAcceleration.ZERO
+        ):
             return
         self.scene.prepare(self.time, self.time)
         motion.know_start(motion.nodal(motion.v), motion.nodal(motion.a))
         balanced = self.equilibrium.initial_acceleration()
-        change = np.abs(balanced - motion.a.x.array).max(initial=0.0), np.abs(balanced).max(initial=0.0)
-        change, size = self.grid.comm.allreduce(change[0], MPI.MAX), self.grid.comm.allreduce(change[1], MPI.MAX)
-        if change > ALIKE * size:  # else the loads are those of the run before, which goes on bit for bit
+        change = (
+            np.abs(balanced - motion.a.x.array).max(initial=0.0),
+            np.abs(balanced).max(initial=0.0),
+        )
+        change, size = (
+            self.grid.comm.allreduce(change[0], MPI.MAX),
+            self.grid.comm.allreduce(change[1], MPI.MAX),
+        )
+        if (
+            change > ALIKE * size
+        ):  # else the loads are those of the run before, which goes on bit for bit
             motion.a.x.array[:] = balanced
 
     def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
@@ -152,7 +184,8 @@ class FiniteElements(Run):
         return np.ones(self.grid.cells, dtype=bool)
 
     def balance(self) -> tuple[np.ndarray, float]:
-        """What supports bear at the present displacement and loads, and what is out of balance elsewhere."""
+        """What supports bear at the present displacement and loads, and what is out of balance
+        elsewhere."""
         self.scene.prepare(self.time, self.time)
         return self.equilibrium.support(None)
 
@@ -160,9 +193,11 @@ class FiniteElements(Run):
         an_object("start", start, FiniteElements, "a finite element run")
         alike = (start.grid, start.b_bar) == (self.grid, self.b_bar)
         if not alike or not self.materials.alike(start.materials):
-            raise ValueError("start must be a finite element run on the same grid, of the same "
-                             "material in every cell, b_bar alike, got one of "
-                             f"{start.material!r}, b_bar={start.b_bar}")
+            raise ValueError(
+                "start must be a finite element run on the same grid, of the same "
+                "material in every cell, b_bar alike, got one of "
+                f"{start.material!r}, b_bar={start.b_bar}"
+            )
         fields = [(self.displacement, start.displacement)]
         if self.stepping.dynamic and start.stepping.dynamic:
             fields += [(self.motion.v, start.motion.v), (self.motion.a, start.motion.a)]
@@ -173,10 +208,14 @@ class FiniteElements(Run):
         self.scene.go_on_from(start.scene)
 
     def state(self) -> dict[str, np.ndarray]:
-        """What the next step depends on: displacement and motion, springs, stress and history; not copied."""
+        """What the next step depends on: displacement and motion, springs, stress and history; not
+        copied."""
         law = {} if self.yielding is None else self.yielding.memory()
-        return {**super().state(), "displacement": self.displacement.x.array,
-                **{f"yielding/{name}": value for name, value in law.items()}}
+        return {
+            **super().state(),
+            "displacement": self.displacement.x.array,
+            **{f"yielding/{name}": value for name, value in law.items()},
+        }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Take the values of ``state`` in place of the present ones."""
@@ -186,20 +225,29 @@ class FiniteElements(Run):
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one."""
-        return {**super().identity(), "material": described(self.material), "b_bar": str(self.b_bar)}
+        return {
+            **super().identity(),
+            "material": described(self.material),
+            "b_bar": str(self.b_bar),
+        }
 
-    # -- what recorders ask for -----------------------------------------------------------------------------------
+    # -- what recorders ask for --------------------------------------------------------------------
 
     def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
         """Nodes and their values; for stress the cell centres, where it is most accurate."""
         grid, motion = self.grid, self.motion
         if field == "stress":
-            corners = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][: grid.owned_cells, :, : grid.dim]
+            corners = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][
+                : grid.owned_cells, :, : grid.dim
+            ]
             return corners.mean(axis=1), self.stress
         if field != "displacement" and not self.stepping.dynamic:
             raise ValueError(f"field {field!r} is not part of this scene")
-        known = {"displacement": self.displacement} if field == "displacement" else \
-            {"velocity": motion.v, "acceleration": motion.a}
+        known = (
+            {"displacement": self.displacement}
+            if field == "displacement"
+            else {"velocity": motion.v, "acceleration": motion.a}
+        )
         values = motion.nodal(known[field])
         owned = grid.space.dofmap.index_map.size_local
         return grid.space.tabulate_dof_coordinates()[:owned, : grid.dim], lambda rows: values[rows]
@@ -213,11 +261,15 @@ class FiniteElements(Run):
         grid = self.grid
         if self.yielding is not None:
             state = self.yielding.state
-            return state.reshape(-1, self.yielding.gauss.digit.shape[1], state.shape[1])[cells].mean(axis=1)
+            return state.reshape(-1, self.yielding.gauss.digit.shape[1], state.shape[1])[
+                cells
+            ].mean(axis=1)
         slope = (2 * digits(2, grid.dim) - 1) / 2 ** (grid.dim - 1)  # ∂N/∂ξ at the centre
         x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)[cells]][..., : grid.dim]
         u = self.motion.nodal(self.displacement)[dolfinx_versions.cell_dofs(grid.space)[cells]]
-        gradient = np.einsum("cki,kj->cij", u, slope) @ np.linalg.inv(np.einsum("cki,kj->cij", x, slope))
+        gradient = np.einsum("cki,kj->cij", u, slope) @ np.linalg.inv(
+            np.einsum("cki,kj->cij", x, slope)
+        )
         strain = tensors.strain(gradient)
         return self.materials.elastic_stress(cells, strain)
 
@@ -246,7 +298,9 @@ class FiniteElements(Run):
 
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy and plastic work (J) of this rank's cells."""
-        found = {name: dolfinx_versions.assemble_scalar(form) for name, form in self._energies.items()}
+        found = {
+            name: dolfinx_versions.assemble_scalar(form) for name, form in self._energies.items()
+        }
         if self.yielding is not None:
             found.update(self.yielding.energy(self.grid.owned_cells))
         return found

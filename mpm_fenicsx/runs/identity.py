@@ -18,8 +18,11 @@ FEW = 6
 
 
 def described(thing) -> str:
-    """Numbers as they are, arrays by shape and fingerprint, functions by name alone: what is in them is not seen."""
-    if dataclasses.is_dataclass(thing) and not isinstance(thing, GridSurface | SurfacePoints | type):
+    """Numbers as they are, arrays by shape and fingerprint, functions by name alone: what is in
+    them is not seen."""
+    if dataclasses.is_dataclass(thing) and not isinstance(
+        thing, GridSurface | SurfacePoints | type
+    ):
         parts = {f.name: getattr(thing, f.name, None) for f in dataclasses.fields(thing)}
         return f"{type(thing).__name__}({_together(parts)})"
     if thing is None or isinstance(thing, str | bool):
@@ -37,11 +40,21 @@ def described(thing) -> str:
     if not callable(thing):
         array = numbers(thing)
         if array is not None:
-            return repr(array.tolist()) if array.size <= FEW else f"array {array.shape} {_fingerprint(array)}"
-    name = getattr(thing, "__name__", None) or getattr(getattr(thing, "func", None), "__name__", None)
+            return (
+                repr(array.tolist())
+                if array.size <= FEW
+                else f"array {array.shape} {_fingerprint(array)}"
+            )
+    name = getattr(thing, "__name__", None) or getattr(
+        getattr(thing, "func", None), "__name__", None
+    )
     if name is not None:
         return name
-    mine = {key: value for key, value in getattr(thing, "__dict__", {}).items() if isinstance(value, int | float | str)}
+    mine = {
+        key: value
+        for key, value in getattr(thing, "__dict__", {}).items()
+        if isinstance(value, int | float | str)
+    }
     return f"{type(thing).__name__}({_together(mine)})" if mine else type(thing).__name__
 
 
@@ -50,7 +63,8 @@ def _together(parts: dict) -> str:
 
 
 def _fingerprint(array: np.ndarray) -> str:
-    """Norm, and sum with weights that tell places apart, to six digits: the same but for round-off."""
+    """Norm, and sum with weights that tell places apart, to six digits: the same but for
+    round-off."""
     flat = np.asarray(array, float).ravel()
     norm = math.sqrt(float(flat @ flat))
     mixed = float(flat @ np.cos(np.arange(len(flat)) ** 2)) / norm if norm > 0.0 else 0.0

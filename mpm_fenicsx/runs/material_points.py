@@ -48,41 +48,65 @@ from .scene_checks import bodies_of, check_mapping, check_options
 class Simulation(Run):
     """Implicit material point run on a background grid.
 
-    ``points``: one body or several; ``stepping``: Newmark or QuasiStatic; ``terms``: boundaries and loads;
-    ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take velocities from the grid;
-    ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass in the deposit of velocities (see
-    ``Deposit``), 0 for division by the lumped mass alone, as in the paper.
-    ``correction``: what the mismatch of (7) and the points' own force changes the acceleration by; by default chosen
-    by the Courant number where points have support domains (see ``AccelerationCorrection`` and ``options``).
-    ``initial_acceleration``: that of the balance of forces, unless points are given one (what another run has left
-    is not given), or zero as in the paper.
-    ``solver``: PETSc options.  ``print(run)`` says what was chosen.
-    ``newton``: when to stop where a body can yield.  ``b_bar``: volume changes by the mean of cells, on the grid and
-    at the points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings only).
-    ``reuse``: a cell's density, moduli and part of the matrix stay as they are while they would change by less than
-    that part (elastic bodies, one rank, DOLFINx 0.11; else nothing is kept); a restart is one to round-off then.
-    ``hold_cut_cells``: light nodes of cut cells in which anything acts go with those beside them (see ``ties``), unless
-    a term ``GhostPenalty`` holds them.
+    ``points``: one body or several; ``stepping``: Newmark or QuasiStatic; ``terms``: boundaries and
+    loads; ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take
+    velocities from the grid; ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass
+    in the deposit of velocities (see ``Deposit``), 0 for division by the lumped mass alone, as in
+    the paper. ``correction``: what the mismatch of (7) and the points' own force changes the
+    acceleration by; by default chosen by the Courant number where points have support domains (see
+    ``AccelerationCorrection`` and ``options``). ``initial_acceleration``: that of the balance of
+    forces, unless points are given one (what another run has left is not given), or zero as in the
+    paper. ``solver``: PETSc options.  ``print(run)`` says what was chosen. ``newton``: when to stop
+    where a body can yield.  ``b_bar``: volume changes by the mean of cells, on the grid and at the
+    points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings
+    only). ``reuse``: a cell's density, moduli and part of the matrix stay as they are while they
+    would change by less than that part (elastic bodies, one rank, DOLFINx 0.11; else nothing is
+    kept); a restart is one to round-off then. ``hold_cut_cells``: light nodes of cut cells in which
+    anything acts go with those beside them (see ``ties``), unless a term ``GhostPenalty`` holds
+    them.
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
-    def __init__(self, grid: Grid, points: MaterialPoints | Sequence[MaterialPoints], stepping: Newmark | QuasiStatic,
-                 terms: Sequence, mapping: PointMapping = DM_GC, transfer: Callable = trapezoidal,
-                 sweeps: int = 1, newton: Newton | None = None, solver: Mapping[str, object] | None = None,
-                 b_bar: bool = False, reuse: float = 0.0, balanced: bool | None = None,
-                 correction: AccelerationCorrection | None = None,
-                 initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
-                 hold_cut_cells: bool = True):
+    def __init__(
+        self,
+        grid: Grid,
+        points: MaterialPoints | Sequence[MaterialPoints],
+        stepping: Newmark | QuasiStatic,
+        terms: Sequence,
+        mapping: PointMapping = DM_GC,
+        transfer: Callable = trapezoidal,
+        sweeps: int = 1,
+        newton: Newton | None = None,
+        solver: Mapping[str, object] | None = None,
+        b_bar: bool = False,
+        reuse: float = 0.0,
+        balanced: bool | None = None,
+        correction: AccelerationCorrection | None = None,
+        initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
+        hold_cut_cells: bool = True,
+    ):
         self.bodies = bodies_of(points)
         check_mapping(mapping, transfer)
-        check_options(newton, solver, b_bar=b_bar, hold_cut_cells=hold_cut_cells,
-                      **({} if balanced is None else {"balanced": balanced}))
+        check_options(
+            newton,
+            solver,
+            b_bar=b_bar,
+            hold_cut_cells=hold_cut_cells,
+            **({} if balanced is None else {"balanced": balanced}),
+        )
         check_start(initial_acceleration)
         if correction is not None:
-            an_object("correction", correction, AccelerationCorrection,
-                      "AccelerationCorrection.IMPLICIT, LUMPED or OFF")
+            an_object(
+                "correction",
+                correction,
+                AccelerationCorrection,
+                "AccelerationCorrection.IMPLICIT, LUMPED or OFF",
+            )
         if b_bar and mapping.integrate is not DOUBLE_MAPPED:
-            raise ValueError(f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the points")
+            raise ValueError(
+                f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at "
+                "the points"
+            )
         super().__init__(mapping.name, grid, stepping, terms)
         self.mapping, self.transfer = mapping, transfer
         if not 0.0 <= finite("reuse", reuse) <= 0.1:
@@ -104,24 +128,34 @@ class Simulation(Run):
         check_reach(scene, self.terms, self.bodies, self.cells, self.stencils)
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
-        self.equilibrium = Equilibrium(motion, self.contributions, scene.fixed, solver, self.yielding, newton,
-                                       reuse > 0.0)
+        self.equilibrium = Equilibrium(
+            motion, self.contributions, scene.fixed, solver, self.yielding, newton, reuse > 0.0
+        )
         if reuse and (self.yielding is not None or self.equilibrium.update is None):
-            raise ValueError(f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty")
+            raise ValueError(
+                f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty"
+            )
         # a term on the facets between cells, GhostPenalty, does in its own way what ties do
         self._holds = hold_cut_cells and motion.region.dS is None
         self._bound_for_rest = not stepping.dynamic or (scene.body_loaded and self._stressed())
         self._acts_everywhere = self._bound_for_rest or scene.body_loaded
         self.holding: Holding | None = None
-        self._internal, self._held = np.zeros((grid.nodes, grid.dim)), np.zeros(grid.cells, np.int8)  # _held: material
+        self._internal, self._held = (
+            np.zeros((grid.nodes, grid.dim)),
+            np.zeros(grid.cells, np.int8),
+        )  # _held: material
         self.initial_acceleration, self._unmoved, self._left = initial_acceleration, [], []
         correction = self._asked_correction(correction, balanced)
         self.courant_number = courant_number(grid, self.bodies, stepping)
         self._chooses_correction = correction is None
-        self.correction_kind = correction or chosen_correction(mapping, stepping, self.courant_number)
+        self.correction_kind = correction or chosen_correction(
+            mapping, stepping, self.courant_number
+        )
         self.correction = None
         known = stepping.dynamic and (motion.at_rest or motion.moved)
-        self.supports = KnownVelocity(motion, self.courant_number / stepping.dt / TRANSITS) if known else None
+        self.supports = (
+            KnownVelocity(motion, self.courant_number / stepping.dt / TRANSITS) if known else None
+        )
         if stepping.dynamic:
             self.deposit = Deposit(motion, density, given.mass_dx, sweeps)
             self._unmoved = [body for body in self.bodies if body.acceleration is None]
@@ -129,29 +163,52 @@ class Simulation(Run):
             for body in self.bodies:
                 for name in ("velocity", "acceleration"):
                     value = getattr(body, name)
-                    setattr(body, name, np.zeros_like(body.x) if value is None else np.array(value, float))
-            self.correction = correction_of(self.correction_kind, self.equilibrium, self.stress, self.deposit)
+                    setattr(
+                        body,
+                        name,
+                        np.zeros_like(body.x) if value is None else np.array(value, float),
+                    )
+            self.correction = correction_of(
+                self.correction_kind, self.equilibrium, self.stress, self.deposit
+            )
         if b_bar:
-            warn_of_points([body.material for body in self.bodies], partly_filled(grid, self.bodies, self.cells),
-                           stepping.dynamic)
+            warn_of_points(
+                [body.material for body in self.bodies],
+                partly_filled(grid, self.bodies, self.cells),
+                stepping.dynamic,
+            )
 
-    def _asked_correction(self, correction: AccelerationCorrection | None,
-                          balanced: bool | None) -> AccelerationCorrection | None:
+    def _asked_correction(
+        self, correction: AccelerationCorrection | None, balanced: bool | None
+    ) -> AccelerationCorrection | None:
         if balanced is not None:
-            warnings.warn("balanced is now correction=AccelerationCorrection.LUMPED or OFF; by default it is chosen by "
-                          "the Courant number", DeprecationWarning, stacklevel=3)
+            warnings.warn(
+                "balanced is now correction=AccelerationCorrection.LUMPED or OFF; by default it "
+                "is chosen by "
+                "the Courant number",
+                DeprecationWarning,
+                stacklevel=3,
+            )
             correction = AccelerationCorrection.LUMPED if balanced else AccelerationCorrection.OFF
-        if correction in (AccelerationCorrection.LUMPED, AccelerationCorrection.IMPLICIT) and not self.stepping.dynamic:
-            raise ValueError(f"correction is of accelerations, and {self.stepping} has none, got {correction}")
+        if (
+            correction in (AccelerationCorrection.LUMPED, AccelerationCorrection.IMPLICIT)
+            and not self.stepping.dynamic
+        ):
+            raise ValueError(
+                f"correction is of accelerations, and {self.stepping} has none, got {correction}"
+            )
         return correction
 
     def change_step(self, stepping: Newmark | QuasiStatic) -> None:
-        """Go on with another step from the time reached; what is chosen by the Courant number is chosen anew."""
+        """Go on with another step from the time reached; what is chosen by the Courant number is
+        chosen anew."""
         super().change_step(stepping)
         self.courant_number = courant_number(self.grid, self.bodies, stepping)
         if stepping.dynamic and self._chooses_correction:
             self.correction_kind = chosen_correction(self.mapping, stepping, self.courant_number)
-            self.correction = correction_of(self.correction_kind, self.equilibrium, self.stress, self.deposit)
+            self.correction = correction_of(
+                self.correction_kind, self.equilibrium, self.stress, self.deposit
+            )
 
     def _composite_patches(self) -> list[Composite]:
         """One for each body; bodies of one material share theirs."""
@@ -164,25 +221,33 @@ class Simulation(Run):
     def __str__(self) -> str:
         """What the run is made of, what was chosen for it, and what it therefore pays for."""
         points = " + ".join(str(len(body)) for body in self.bodies)
-        lines = [f"{self.name} on {self.grid.cells} cells in {self.grid.dim}D, {points} material points",
-                 f"step: {self.stepping}"]
+        lines = [
+            f"{self.name} on {self.grid.cells} cells in {self.grid.dim}D, {points} material points",
+            f"step: {self.stepping}",
+        ]
         if self.stepping.dynamic:
-            lines += [f"Courant number of P waves: {self.courant_number:.3g}",
-                      f"acceleration corrected: {self.correction_kind.value}"
-                      + (" (chosen by the Courant number)" if self._chooses_correction else "")
-                      + f"; sweeps: {self.deposit.sweeps}",
-                      f"initial acceleration: {self.initial_acceleration.value}"]
+            lines += [
+                f"Courant number of P waves: {self.courant_number:.3g}",
+                f"acceleration corrected: {self.correction_kind.value}"
+                + (" (chosen by the Courant number)" if self._chooses_correction else "")
+                + f"; sweeps: {self.deposit.sweeps}",
+                f"initial acceleration: {self.initial_acceleration.value}",
+            ]
         lines += [f"term: {type(term).__name__}" for term in self.terms]
         lines += [f"prescribed motion: {motion.description}" for motion in self.scene.prescribed]
         return "\n".join(lines)
 
-    # -- the step -----------------------------------------------------------------------------------------------
+    # -- the step ----------------------------------------------------------------------------------
 
     def begin(self) -> None:
-        """Before the first step: doubts are said, and points that bring no acceleration take that of the balance."""
+        """Before the first step: doubts are said, and points that bring no acceleration take that
+        of the balance."""
         warn_of_interfaces(self.grid, self.bodies, self.cells)
         unmoved = [*self._left, *(body for body in self._unmoved if not body.acceleration.any())]
-        if not self.grid.comm.allreduce(len(unmoved)) or self.initial_acceleration is InitialAcceleration.ZERO:
+        if (
+            not self.grid.comm.allreduce(len(unmoved))
+            or self.initial_acceleration is InitialAcceleration.ZERO
+        ):
             return
         self.prepare(self.time, self.time)
         self.predict()
@@ -201,7 +266,8 @@ class Simulation(Run):
         self.solve()
 
     def prepare(self, start: float, end: float) -> None:
-        """Where points are, what they give to the grid's fields and terms, and which cells that concerns."""
+        """Where points are, what they give to the grid's fields and terms, and which cells that
+        concerns."""
         self.locate()
         self.project()
         self.scene.prepare(start, end)
@@ -216,15 +282,26 @@ class Simulation(Run):
             self.grid.walk(body.x, cell)
             lost = np.flatnonzero((cell < 0) | (cell >= self.grid.owned_cells))
             if len(lost):
-                where = "outside the grid" if cell[lost[0]] < 0 else "on another rank, which is not supported yet"
-                message = f"{self._of[number]}material point {lost[0]} at x={body.x[lost[0]]} lies {where}"
+                where = (
+                    "outside the grid"
+                    if cell[lost[0]] < 0
+                    else "on another rank, which is not supported yet"
+                )
+                message = (
+                    f"{self._of[number]}material point {lost[0]} at "
+                    f"x={body.x[lost[0]]} lies {where}"
+                )
                 cell[lost] = np.maximum(cell[lost], 0)  # whence to walk, should they be put back
         self._stop_together(message)
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             stencil.place(body.x, body.half, cell)
         for composite in dict.fromkeys(self.composites):
             self._held[:] = 0
-            for cell in (cell for one, cell in zip(self.composites, self.cells, strict=True) if one is composite):
+            for cell in (
+                cell
+                for one, cell in zip(self.composites, self.cells, strict=True)
+                if one is composite
+            ):
                 self._held[cell] = 1
             composite.place(self.grid.share_cells(self._held))
         self._held[:] = 0
@@ -243,7 +320,9 @@ class Simulation(Run):
             return
         if self.holding is None:
             ties = self.equilibrium.ties = Ties(self.grid, self.equilibrium.fixed)
-            self.holding = Holding(self.properties.fills(), ties, self._acts_everywhere, self._bound_for_rest)
+            self.holding = Holding(
+                self.properties.fills(), ties, self._acts_everywhere, self._bound_for_rest
+            )
             self._loaded = np.zeros_like(self._held)
         self._loaded[:] = 0
         self.scene.mark_loaded(self._loaded)
@@ -258,15 +337,20 @@ class Simulation(Run):
                 self.motion.know_start(*map(self.motion.nodal, (self.motion.v, self.motion.a)))
 
     def solve(self, push: np.ndarray | float = 0.0) -> None:
-        """Internal force at the points, tangent of the fields, one linear solve; ``push`` (dofs,), N, from outside."""
+        """Internal force at the points, tangent of the fields, one linear solve; ``push`` (dofs,),
+        N, from outside."""
         self.equilibrium.solve(self._internal_force() - push)
 
     def carry(self) -> None:
-        """Points take position, velocity, stress and the stretch of their support domains from the grid."""
+        """Points take position, velocity, stress and the stretch of their support domains from the
+        grid."""
         motion = self.motion
         u = motion.nodal(motion.u)
-        before, after = ((motion.nodal(motion.v), motion.nodal(motion.a)), motion.end()) \
-            if self.stepping.dynamic else (None, None)
+        before, after = (
+            ((motion.nodal(motion.v), motion.nodal(motion.a)), motion.end())
+            if self.stepping.dynamic
+            else (None, None)
+        )
         message, found = None, []
         for number, (body, stencil) in enumerate(zip(self.bodies, self.stencils, strict=True)):
             smooth = stencil.gradient_at_points(u)
@@ -278,15 +362,28 @@ class Simulation(Run):
         self._stop_together(message)  # before anything has changed
         before_step = [body.stress for body in self.bodies]
         for body, stencil, (gradient, _) in zip(self.bodies, self.stencils, found, strict=True):
-            volumetric = stencil.mean_of_cells(self.gauss.mean_divergence(u)) if self.gauss is not None else None
+            volumetric = (
+                stencil.mean_of_cells(self.gauss.mean_divergence(u))
+                if self.gauss is not None
+                else None
+            )
             body.material.kinematics.respond(body, gradient, volumetric)
         if self.correction is not None:
-            changes = [body.material.kinematics.change(stress, body.stress, gradient) for body, stress, (gradient, _)
-                       in zip(self.bodies, before_step, found, strict=True)]
+            changes = [
+                body.material.kinematics.change(stress, body.stress, gradient)
+                for body, stress, (gradient, _) in zip(self.bodies, before_step, found, strict=True)
+            ]
             self.correction.correct(after, self.bodies, self.stencils, changes)
         for body, stencil, (_, stretches) in zip(self.bodies, self.stencils, found, strict=True):
             if self.stepping.dynamic:
-                self.transfer(body.velocity, body.acceleration, stencil.at_points, before, after, motion.stepping)
+                self.transfer(
+                    body.velocity,
+                    body.acceleration,
+                    stencil.at_points,
+                    before,
+                    after,
+                    motion.stepping,
+                )
                 body.leave()
             if self.supports is not None:
                 self.supports.take_up(body.velocity, stencil, after[0])
@@ -303,7 +400,8 @@ class Simulation(Run):
         return fills.there
 
     def balance(self) -> tuple[np.ndarray, float]:
-        """What supports bear with the points and loads as they are, and what is out of balance elsewhere."""
+        """What supports bear with the points and loads as they are, and what is out of balance
+        elsewhere."""
         self.prepare(self.time, self.time)
         return self.equilibrium.support(self._internal_force())
 
@@ -314,21 +412,31 @@ class Simulation(Run):
 
     def state(self) -> dict[str, np.ndarray]:
         """What the next step depends on, by name; not copied."""
-        bodies = [{"cell": cell, **body.state()} for cell, body in zip(self.cells, self.bodies, strict=True)]
-        found = {f"bodies/{n}/{name}": value for n, body in enumerate(bodies) for name, value in body.items()}
+        bodies = [
+            {"cell": cell, **body.state()}
+            for cell, body in zip(self.cells, self.bodies, strict=True)
+        ]
+        found = {
+            f"bodies/{n}/{name}": value
+            for n, body in enumerate(bodies)
+            for name, value in body.items()
+        }
         given = {f"properties/{name}": value for name, value in self.properties.state().items()}
         return {**super().state(), **found, **given}
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one."""
-        bodies = {f"body {n}": f"{len(body)} points of {described(body.material)}"
-                  for n, body in enumerate(self.bodies)}
+        bodies = {
+            f"body {n}": f"{len(body)} points of {described(body.material)}"
+            for n, body in enumerate(self.bodies)
+        }
         return {**super().identity(), **bodies, "b_bar": str(self.gauss is not None)}
 
-    # -- what recorders ask for -----------------------------------------------------------------------------------
+    # -- what recorders ask for --------------------------------------------------------------------
 
     def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
-        """Places of the material points (n, dim), all bodies one after the other, and their values."""
+        """Places of the material points (n, dim), all bodies one after the other, and their
+        values."""
         name = "x" if field == "displacement" else field
         if any(getattr(body, name) is None for body in self.bodies):
             raise ValueError(f"field {field!r} is not part of this scene")
@@ -345,14 +453,21 @@ class Simulation(Run):
 
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's points."""
-        found = {"plastic": sum(b.material.kinematics.plastic_work(b) for b in self.bodies if b.material.history),
-                 "strain": sum(b.material.kinematics.energy(b) for b in self.bodies)}
+        found = {
+            "plastic": sum(
+                b.material.kinematics.plastic_work(b) for b in self.bodies if b.material.history
+            ),
+            "strain": sum(b.material.kinematics.energy(b) for b in self.bodies),
+        }
         if self.stepping.dynamic:
-            found["kinetic"] = sum(0.5 * float(body.mass @ (body.velocity**2).sum(axis=1)) for body in self.bodies)
+            found["kinetic"] = sum(
+                0.5 * float(body.mass @ (body.velocity**2).sum(axis=1)) for body in self.bodies
+            )
         return found
 
     def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """What to show on nodes, increment and velocity at the end of the step, and in cells, nothing."""
+        """What to show on nodes, increment and velocity at the end of the step, and in cells,
+        nothing."""
         nodal = {"displacement_increment": self.motion.nodal(self.motion.u)}
         if self.stepping.dynamic:
             nodal["velocity"] = self.motion.end()[0]
@@ -364,7 +479,9 @@ class Simulation(Run):
 
     def _can_yield(self) -> Yielding | None:
         """What yielding or finite strain adds to the step, where there is a body of that kind."""
-        finite = finite_strain_of(self.motion, self.bodies, self.stencils, self.mapping.integrate, self._recover)
+        finite = finite_strain_of(
+            self.motion, self.bodies, self.stencils, self.mapping.integrate, self._recover
+        )
         if finite is not None:
             if self.gauss is not None:
                 raise ValueError("b_bar is for small strain only, and a body is of finite strain")
@@ -379,7 +496,9 @@ class Simulation(Run):
     def _recover(self, number: int, u: np.ndarray) -> np.ndarray:
         """Displacement gradients (n, dim, dim) that a body takes from nodal u."""
         if self.composites:
-            return self.composites[number].gradient_at_points(self.bodies[number].x, self.cells[number], u)
+            return self.composites[number].gradient_at_points(
+                self.bodies[number].x, self.cells[number], u
+            )
         return self.stencils[number].gradient_at_points(u)
 
     def _stop_together(self, message: str | None) -> None:

@@ -1,4 +1,5 @@
-"""Reactions of fixed edges as tractions, for surfaces that are to bear them when the fixities are gone."""
+"""Reactions of fixed edges as tractions, for surfaces that are to bear them when the fixities are
+gone."""
 
 from __future__ import annotations
 
@@ -22,18 +23,21 @@ HAIR = 1e-6  # of a surface point's weight: so much may lie on nodes that are no
 EXACT = 1e-8  # of the reactions: what tractions may miss
 
 
-def tractions(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence,
-              ties: Ties | None = None) -> list[Traction]:
-    """Tractions t on ``surfaces`` with Σ_m A_m N_i(x_m) t_m, or ∫ N_i t ds on facets, equal to the reactions R_i.
+def tractions(
+    scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence, ties: Ties | None = None
+) -> list[Traction]:
+    """Tractions t on ``surfaces`` with Σ_m A_m N_i(x_m) t_m, or ∫ N_i t ds on facets, equal to the
+    reactions R_i.
 
-    ``fixed``, ``borne`` (dofs,): which are, and R, N.  A component of t is there only on edges where it is fixed; of
-    all such t the one with the least ∫ t².  What fixed nodes bear that the surfaces do not touch is left out: it
-    belongs to supports that stay.  Surface points must lie on the grid lines: make them after the static run, or
-    before it and let a term carry them along (as they must be where the material points are scattered).
-    ``ties``: those of the run; light nodes that are fixed beside a surface, which does not touch them, hand what they
-    bear to the nodes of it that they will be tied to.
-    Raises ``ValueError`` on several ranks, for surfaces of both kinds or none, one that is on no fixed edge, or too
-    few surface points.
+    ``fixed``, ``borne`` (dofs,): which are, and R, N.  A component of t is there only on edges
+    where it is fixed; of all such t the one with the least ∫ t².  What fixed nodes bear that the
+    surfaces do not touch is left out: it belongs to supports that stay.  Surface points must lie on
+    the grid lines: make them after the static run, or before it and let a term carry them along (as
+    they must be where the material points are scattered). ``ties``: those of the run; light nodes
+    that are fixed beside a surface, which does not touch them, hand what they bear to the nodes of
+    it that they will be tied to.
+    Raises ``ValueError`` on several ranks, for surfaces of both kinds or none, one that is on no
+    fixed edge, or too few surface points.
     """
     if scene.grid.comm.size > 1:
         raise ValueError("reactions are found on one rank only")
@@ -41,12 +45,17 @@ def tractions(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequ
     for kind, find in ((SurfacePoints, _at_points), (GridSurface, _on_facets)):
         if surfaces and all(isinstance(surface, kind) for surface in surfaces):
             found = find(scene, fixed, borne, surfaces, ties)
-            return [Traction(surface, value) for surface, value in zip(surfaces, found, strict=True)]
-    raise ValueError(f"surfaces must all be surface points, or all facets of the grid, got {surfaces!r}")
+            return [
+                Traction(surface, value) for surface, value in zip(surfaces, found, strict=True)
+            ]
+    raise ValueError(
+        f"surfaces must all be surface points, or all facets of the grid, got {surfaces!r}"
+    )
 
 
-def _at_points(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence,
-               ties: Ties | None) -> list[np.ndarray]:
+def _at_points(
+    scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence, ties: Ties | None
+) -> list[np.ndarray]:
     patches = [PointPatch(surface, scene) for surface in surfaces]
     for patch in patches:
         patch.prepare(0.0, 0.0)
@@ -73,13 +82,17 @@ def _at_points(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Seq
         y = lsqr(B, scale * R, atol=1e-15, btol=1e-15, conlim=0.0, iter_lim=50 * len(rows))[0]
         miss = np.abs(A @ y - R).max() / max(np.abs(borne).max(), np.finfo(float).tiny)
         if not miss <= EXACT:
-            raise ValueError(f"surfaces: their points are too few for the reactions, {miss:.1e} of which they miss")
+            raise ValueError(
+                f"surfaces: their points are too few for the reactions, {miss:.1e} of which "
+                "they miss"
+            )
         t[rows, c] = y / root[rows]
     return np.split(t, cuts)
 
 
-def _on_facets(scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence,
-               ties: Ties | None) -> list[fem.Function]:
+def _on_facets(
+    scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence, ties: Ties | None
+) -> list[fem.Function]:
     grid, mesh, dim = scene.grid, scene.grid.mesh, scene.grid.dim
     marks = dolfinx_versions.space(mesh, "DQ", 0, (dim,))
     at = dolfinx_versions.cell_dofs(marks)[:, 0]
@@ -116,15 +129,21 @@ def _marks(grid: Grid, surface: GridSurface, fixed: np.ndarray) -> np.ndarray:
     for pair in ((dim - 1, 0), (dim - 1, dim), (dim, 0)):
         topology.create_connectivity(*pair)
     vertices, corners = (topology.connectivity(d, 0) for d in (dim - 1, dim))
-    node = np.zeros(topology.index_map(0).size_local + topology.index_map(0).num_ghosts, dtype=np.int32)
-    node[corners.array] = dolfinx_versions.cell_dofs(grid.space).ravel()  # the dofs of a cell come in its vertices' order
+    node = np.zeros(
+        topology.index_map(0).size_local + topology.index_map(0).num_ghosts, dtype=np.int32
+    )
+    node[corners.array] = dolfinx_versions.cell_dofs(
+        grid.space
+    ).ravel()  # the dofs of a cell come in its vertices' order
     there, seen = np.zeros((grid.cells, dim), dtype=bool), np.zeros(grid.cells, dtype=bool)
     for facet in surface.facets:
         held = fixed[node[vertices.links(facet)]].all(axis=0)
         cell = topology.connectivity(dim - 1, dim).links(facet)[0]
         if seen[cell] and (there[cell] != held).any():
-            raise ValueError(f"surfaces: the facets {surface.names} meet in a corner, fixed in different ways; "
-                             "give them one by one")
+            raise ValueError(
+                f"surfaces: the facets {surface.names} meet in a corner, fixed in different ways; "
+                "give them one by one"
+            )
         there[cell], seen[cell] = held, True
     return there
 

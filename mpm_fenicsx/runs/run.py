@@ -21,7 +21,8 @@ from .scene_checks import check_run, terms_of
 from .statics import Statics
 
 WHOLE = 1e-6
-"""Of a step: so near to a whole number of steps is one, for times are sums and quotients of rounded numbers."""
+"""Of a step: so near to a whole number of steps is one, for times are sums and quotients of rounded
+numbers."""
 
 
 class Run(Statics):
@@ -44,19 +45,26 @@ class Run(Statics):
 
     @stepping.setter
     def stepping(self, value) -> None:
-        raise AttributeError(f"stepping is not to be assigned, for time would jump: use run.change_step({value!r})")
+        raise AttributeError(
+            f"stepping is not to be assigned, for time would jump: use run.change_step({value!r})"
+        )
 
     def change_step(self, stepping: Newmark | QuasiStatic) -> None:
         """Go on with another step from the time reached; what the run remembers stays.
 
-        Raises ``ValueError`` where inertia would come or go, or forces at the start of a step weigh otherwise
-        (``GeneralizedAlpha.start``): that takes another run.
+        Raises ``ValueError`` where inertia would come or go, or forces at the start of a step weigh
+        otherwise (``GeneralizedAlpha.start``): that takes another run.
         """
         now = self.stepping
         if not isinstance(stepping, (Newmark, QuasiStatic)):
-            raise ValueError(f"stepping must be a Newmark, GeneralizedAlpha or QuasiStatic, got {stepping!r}")
+            raise ValueError(
+                f"stepping must be a Newmark, GeneralizedAlpha or QuasiStatic, got {stepping!r}"
+            )
         if (stepping.dynamic, stepping.start) != (now.dynamic, now.start):
-            raise ValueError(f"stepping: a run with {now} cannot go on with {stepping}; make another run of its points")
+            raise ValueError(
+                f"stepping: a run with {now} cannot go on with {stepping}; make another run of "
+                "its points"
+            )
         self._clock[:] = self.steps, self.time
         self._stepping = stepping
 
@@ -84,8 +92,9 @@ class Run(Statics):
     def step(self) -> None:
         """One step of length ``stepping.dt``.
 
-        Raises ``RunError`` naming step and time; what is recorded stays, and the state is that of the last whole step.
-        ``ValueError`` before the first quasi-static step where supports leave a rigid motion free.
+        Raises ``RunError`` naming step and time; what is recorded stays, and the state is that of
+        the last whole step. ``ValueError`` before the first quasi-static step where supports leave
+        a rigid motion free.
         """
         self.check_supports()
         with self.reported():
@@ -102,7 +111,8 @@ class Run(Statics):
         raise NotImplementedError
 
     def advance(self, start: float, end: float, cut: int = 0) -> None:
-        """From ``start`` to ``end`` (s); a step that cannot be solved is halved, Newton's ``cuts`` times."""
+        """From ``start`` to ``end`` (s); a step that cannot be solved is halved, Newton's ``cuts``
+        times."""
         try:
             self.attempt(start, end, self.stepping.part(0.5**cut))
         except SolverError as error:
@@ -120,7 +130,8 @@ class Run(Statics):
 
     @contextmanager
     def all_or_nothing(self, wanted: bool) -> Iterator[None]:
-        """Take the state back, if ``wanted``, where something goes wrong inside: the parts of a step go together."""
+        """Take the state back, if ``wanted``, where something goes wrong inside: the parts of a
+        step go together."""
         kept = {name: value.copy() for name, value in self.state().items()} if wanted else {}
         sums = [collector.sums.copy() for collector in self.collectors] if wanted else []
         try:
@@ -147,11 +158,14 @@ class Run(Statics):
     def record(self, recorder):
         """Attach a recorder: called after each step, and once now for the start.  Returns it.
 
-        One that has ``state()``, arrays by name, and ``restore(state)`` goes on with its record after ``restart``.
+        One that has ``state()``, arrays by name, and ``restore(state)`` goes on with its record
+        after ``restart``.
         Raises ``OutputError`` where it cannot write.
         """
         if isinstance(recorder, type) or not callable(recorder) or not hasattr(recorder, "attach"):
-            raise ValueError(f"recorder must be an object such as Energy() or Probe(field, at), got {recorder!r}")
+            raise ValueError(
+                f"recorder must be an object such as Energy() or Probe(field, at), got {recorder!r}"
+            )
         try:
             recorder.attach(self)
         except OSError as error:
@@ -161,9 +175,13 @@ class Run(Statics):
         return recorder
 
     def state(self) -> dict[str, np.ndarray]:
-        """The arrays, by name, that the next step depends on: those the run works with, not copies."""
-        return {"clock": self._clock, **{f"motion/{name}": value for name, value in self.motion.state().items()},
-                **self.scene.state()}
+        """The arrays, by name, that the next step depends on: those the run works with, not
+        copies."""
+        return {
+            "clock": self._clock,
+            **{f"motion/{name}": value for name, value in self.motion.state().items()},
+            **self.scene.state(),
+        }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Take the values of ``state`` in place of the present ones."""
@@ -175,19 +193,27 @@ class Run(Statics):
         grid = self.grid
         nodes = zlib.crc32(np.ascontiguousarray(grid.space.tabulate_dof_coordinates()))
         order = zlib.crc32(np.ascontiguousarray(dolfinx_versions.cell_dofs(grid.space)), nodes)
-        return {"run": self.name, "stepping": repr(self.stepping),
-                "grid": f"{grid.cells} cells in {grid.dim}D, {grid.nodes} nodes, places and order {order:08x}",
-                "terms": ", ".join(type(term).__name__ for term in self.terms),
-                **{f"term {n}, {type(term).__name__}": described(term) for n, term in enumerate(self.terms)}}
+        return {
+            "run": self.name,
+            "stepping": repr(self.stepping),
+            "grid": f"{grid.cells} cells in {grid.dim}D, {grid.nodes} nodes, places and order "
+            f"{order:08x}",
+            "terms": ", ".join(type(term).__name__ for term in self.terms),
+            **{
+                f"term {n}, {type(term).__name__}": described(term)
+                for n, term in enumerate(self.terms)
+            },
+        }
 
     def restart(self, path: str | os.PathLike) -> None:
         """Go on from the step of a checkpoint, bit for bit as the run that wrote it.
 
-        Call it on a run that the same script has built anew, its recorders attached, or on one that has failed.
-        What recorders there have recorded is replaced; those of the file that this run has not are left out, and what
-        is recorded from here on is recorded after this call.  Transfer, Newton's limits and solver may be others.
-        Raises ``ValueError`` naming what differs, and then has changed nothing; ``OSError`` for a file that cannot be
-        read or is no checkpoint.
+        Call it on a run that the same script has built anew, its recorders attached, or on one that
+        has failed. What recorders there have recorded is replaced; those of the file that this run
+        has not are left out, and what is recorded from here on is recorded after this call.
+        Transfer, Newton's limits and solver may be others.
+        Raises ``ValueError`` naming what differs, and then has changed nothing; ``OSError`` for a
+        file that cannot be read or is no checkpoint.
         """
         restart(self, path)
 
@@ -198,19 +224,28 @@ class Run(Statics):
     def until(self, t: float, progress: Callable[[int], None] | None = None) -> None:
         """Step until time ``t`` (s); ``progress`` is called with the number of steps done.
 
-        Where ``t`` is no whole number of steps away, it stops at the nearest one and warns.  Raises ``ValueError`` for
-        a ``t`` that is past.
+        Where ``t`` is no whole number of steps away, it stops at the nearest one and warns.  Raises
+        ``ValueError`` for a ``t`` that is past.
         """
         if progress is not None and not callable(progress):
-            raise ValueError(f"progress must be a function of the number of steps, got {progress!r}")
+            raise ValueError(
+                f"progress must be a function of the number of steps, got {progress!r}"
+            )
         left = (finite("t", t) - self.time) / self.stepping.dt
         if left < -WHOLE:
-            raise ValueError(f"t must not be past, {self.name} has come to t = {self.time:.6g}, got {t}")
+            raise ValueError(
+                f"t must not be past, {self.name} has come to t = {self.time:.6g}, got {t}"
+            )
         last = self.steps + round(left)
         if abs(left - round(left)) > WHOLE:
             stop = self.time + round(left) * self.stepping.dt
-            warnings.warn(f"until({t}) stops at t = {stop:.6g}: from t = {self.time:.6g} it is no whole number of "
-                          f"steps of {self.stepping.dt:.6g}", UserWarning, stacklevel=2)
+            warnings.warn(
+                f"until({t}) stops at t = {stop:.6g}: from t = {self.time:.6g} it is no whole "
+                "number of "
+                f"steps of {self.stepping.dt:.6g}",
+                UserWarning,
+                stacklevel=2,
+            )
         while self.steps < last:
             self.step()
             if progress is not None:
@@ -235,7 +270,8 @@ class Run(Statics):
         return OutputError(error.errno, f"{where}: {error.strerror}", error.filename)
 
     def collect(self) -> None:
-        """After each solve, of which a step can need several: what adds up over time is added up."""
+        """After each solve, of which a step can need several: what adds up over time is added
+        up."""
         for collector in self.collectors:
             collector.collect(self)
 
@@ -245,4 +281,6 @@ class Run(Statics):
         try:
             yield
         except (SolverError, RunError, ValueError, FloatingPointError) as error:
-            raise RunError(f"{self.name}, step {self.steps + 1}, t = {self.next_time:.6g}: {error}") from error
+            raise RunError(
+                f"{self.name}, step {self.steps + 1}, t = {self.next_time:.6g}: {error}"
+            ) from error

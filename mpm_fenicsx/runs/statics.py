@@ -17,10 +17,12 @@ class Statics:
     _supported = False
 
     def balance(self) -> tuple[np.ndarray, float]:
-        """What supports bear as things stand (dofs,), N, and the force out of balance, relative to those at work.
+        """What supports bear as things stand (dofs,), N, and the force out of balance, relative to
+        those at work.
 
-        Forces on light nodes count where their ties hand them to (see ``ties``): what a sliver of a cell lacks of
-        balance weighs nothing.  ``equilibrium.strict`` is the same figure with every node on its own.
+        Forces on light nodes count where their ties hand them to (see ``ties``): what a sliver of a
+        cell lacks of balance weighs nothing.  ``equilibrium.strict`` is the same figure with every
+        node on its own.
         """
         raise NotImplementedError
 
@@ -29,22 +31,28 @@ class Statics:
         raise NotImplementedError
 
     def check_supports(self) -> None:
-        """Refuse a quasi-static run with a rigid motion that is free, before its first step: ``ValueError``."""
+        """Refuse a quasi-static run with a rigid motion that is free, before its first step:
+        ``ValueError``."""
         if self.stepping.dynamic or self._supported:
             return
         message = free_motion(self.grid, self.filled_cells(), self.equilibrium.fixed)
         if message:
-            raise ValueError(f"terms: {message}; a quasi-static run needs Fixed on facets of the grid "
-                             "that the material touches")
+            raise ValueError(
+                f"terms: {message}; a quasi-static run needs Fixed on facets of the grid "
+                "that the material touches"
+            )
         self._supported = True
 
     def settle(self, tolerance: float = 1e-10, steps: int = 1000) -> float:
-        """Repeat the step at the load reached, time standing still, until equilibrium; returns what is left.
+        """Repeat the step at the load reached, time standing still, until equilibrium; returns what
+        is left.
 
-        A linear solve a step leaves an imbalance wherever the tangent is not the derivative of the force at the
-        points (eq. 7 is not: about 0.45 of it is left each time).  ``tolerance`` (-): largest imbalance of ``balance``,
-        relative to loads and internal force; ``steps``: how often at most.  Recorders are not called.  Raises
-        ``RunError`` where that does not suffice, ``ValueError`` in dynamics and for what supports leave free.
+        A linear solve a step leaves an imbalance wherever the tangent is not the derivative of the
+        force at the points (eq. 7 is not: about 0.45 of it is left each time).  ``tolerance`` (-):
+        largest imbalance of ``balance``, relative to loads and internal force; ``steps``: how often
+        at most.  Recorders are not called.
+        Raises ``RunError`` where that does not suffice, ``ValueError`` in dynamics and for what
+        supports leave free.
         """
         self._at_rest("settle")
         self.check_supports()
@@ -54,22 +62,29 @@ class Statics:
         while not found[-1] <= tolerance:
             if len(found) > steps:
                 last = ", ".join(f"{value:.1e}" for value in found[-3:])
-                raise RunError(f"{self.name}: out of balance by {last} after {steps} steps at t = {self.time:.6g}; "
-                               f"allowed {tolerance:.1e}; {self.equilibrium.largest()}")
+                raise RunError(
+                    f"{self.name}: out of balance by {last} after {steps} steps at t = "
+                    f"{self.time:.6g}; "
+                    f"allowed {tolerance:.1e}; {self.equilibrium.largest()}"
+                )
             with self.reported():
                 self.advance(self.time, self.time)
             found.append(self.balance()[1])
         return found[-1]
 
     def reactions(self, *surfaces) -> list[Traction]:
-        """What the fixed edges of a quasi-static run bear, as tractions on surfaces that take their place.
+        """What the fixed edges of a quasi-static run bear, as tractions on surfaces that take their
+        place.
 
-        ``surfaces``: all of them together (they share corners), surface points on the fixed grid lines or facets of
-        a finite element run.  See ``reactions.tractions``; raises its ``ValueError`` and one in dynamics.
+        ``surfaces``: all of them together (they share corners), surface points on the fixed grid
+        lines or facets of a finite element run.  See ``reactions.tractions``; raises its
+        ``ValueError`` and one in dynamics.
         """
         self._at_rest("reactions")
         equilibrium = self.equilibrium
-        return tractions(self.scene, equilibrium.fixed, self.balance()[0], surfaces, equilibrium.ties)
+        return tractions(
+            self.scene, equilibrium.fixed, self.balance()[0], surfaces, equilibrium.ties
+        )
 
     def _at_rest(self, name: str) -> None:
         if self.stepping.dynamic:

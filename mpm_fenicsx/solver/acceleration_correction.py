@@ -1,4 +1,5 @@
-"""Accelerations at the end of a step, made to fit the force of the stress that material points then bear."""
+"""Accelerations at the end of a step, made to fit the force of the stress that material points then
+bear."""
 
 from __future__ import annotations
 
@@ -19,8 +20,8 @@ from .equilibrium import Equilibrium
 class AccelerationCorrection(Enum):
     """What the mismatch of forces at the end of a step changes the acceleration by.
 
-    ``OFF``: nothing, the paper's step; ``LUMPED``: M̄⁻¹ of it, M̄ the lumped mass; ``IMPLICIT``: what it changes in
-    the step's own equations, (M + β Δt² K)⁻¹ of it.
+    ``OFF``: nothing, the paper's step; ``LUMPED``: M̄⁻¹ of it, M̄ the lumped mass; ``IMPLICIT``:
+    what it changes in the step's own equations, (M + β Δt² K)⁻¹ of it.
     """
 
     OFF = "off"
@@ -29,11 +30,13 @@ class AccelerationCorrection(Enum):
 
 
 class Correction:
-    """Corrects nodal velocity and acceleration at the end of a step by the mismatch of forces -(ΔF - K u).
+    """Corrects nodal velocity and acceleration at the end of a step by the mismatch of forces -(ΔF
+    - K u).
 
-    K u is the increment of internal force that the step's matrix foresees, eq. (7), and ΔF that of the stress which
-    points take from their own strain.  Where points go on with the acceleration that K u gives, the next step begins
-    with forces that do not fit it, and waves lose energy in proportion to Δt, the more so where K locks.
+    K u is the increment of internal force that the step's matrix foresees, eq. (7), and ΔF that of
+    the stress which points take from their own strain.  Where points go on with the acceleration
+    that K u gives, the next step begins with forces that do not fit it, and waves lose energy in
+    proportion to Δt, the more so where K locks.
     """
 
     def __init__(self, equilibrium: Equilibrium, stress: ConstantStress | LinearStress):
@@ -41,11 +44,17 @@ class Correction:
         equilibrium.foresee()
         self._force = fem.Function(equilibrium.motion.grid.space)
 
-    def correct(self, end: tuple[np.ndarray, np.ndarray], bodies: Sequence[MaterialPoints],
-                stencils: Sequence[Stencil], changes: Sequence[np.ndarray]) -> None:
+    def correct(
+        self,
+        end: tuple[np.ndarray, np.ndarray],
+        bodies: Sequence[MaterialPoints],
+        stencils: Sequence[Stencil],
+        changes: Sequence[np.ndarray],
+    ) -> None:
         """Correct velocity and acceleration (nodes, dim) at the end of the step.
 
-        ``changes``: of the bodies' stress (n, dim, dim), Pa, per volume before the step and against gradients there.
+        ``changes``: of the bodies' stress (n, dim, dim), Pa, per volume before the step and against
+        gradients there.
         """
         equilibrium, stepping = self._equilibrium, self._equilibrium.motion.stepping
         force = equilibrium.motion.nodal(self._force)
@@ -68,25 +77,30 @@ class Correction:
 class LumpedCorrection(Correction):
     """By the lumped mass.
 
-    A mode of stiffness κ at the points and k in the matrix then has an amplification matrix of determinant 1, and
-    neither gains nor loses while (κ - k) Δt² / 4m <= 1.
+    A mode of stiffness κ at the points and k in the matrix then has an amplification matrix of
+    determinant 1, and neither gains nor loses while (κ - k) Δt² / 4m <= 1.
     """
 
-    def __init__(self, equilibrium: Equilibrium, stress: ConstantStress | LinearStress, deposit: Deposit):
+    def __init__(
+        self, equilibrium: Equilibrium, stress: ConstantStress | LinearStress, deposit: Deposit
+    ):
         super().__init__(equilibrium, stress)
         self._deposit = deposit
 
     def _acceleration(self, force: np.ndarray) -> np.ndarray:
         mass, motion = self._deposit.mass, self._equilibrium.motion
-        share = np.divide(1.0, motion.stepping.inertia * mass, out=np.zeros_like(mass), where=mass > 0.0)
+        share = np.divide(
+            1.0, motion.stepping.inertia * mass, out=np.zeros_like(mass), where=mass > 0.0
+        )
         return (share[:, None] * motion.nodal(self._force)).ravel()
 
 
 class ImplicitCorrection(Correction):
     """By the matrix of the step, (κ M + β Δt² K) δa = force, κ what ``stepping.inertia`` weighs.
 
-    It is what one more iteration of the step would change the acceleration by; displacement stays as it was solved
-    for, for a step that is iterated until the points' forces are in balance forgets what (7) does for stability.
+    It is what one more iteration of the step would change the acceleration by; displacement stays
+    as it was solved for, for a step that is iterated until the points' forces are in balance
+    forgets what (7) does for stability.
     """
 
     def _acceleration(self, force: np.ndarray) -> np.ndarray:
@@ -94,8 +108,12 @@ class ImplicitCorrection(Correction):
         return self._equilibrium.response(force) / (stepping.beta * stepping.dt**2)
 
 
-def correction_of(kind: AccelerationCorrection, equilibrium: Equilibrium, stress: ConstantStress | LinearStress,
-                  deposit: Deposit) -> Correction | None:
+def correction_of(
+    kind: AccelerationCorrection,
+    equilibrium: Equilibrium,
+    stress: ConstantStress | LinearStress,
+    deposit: Deposit,
+) -> Correction | None:
     """The correction of a kind; None for no correction."""
     match kind:
         case AccelerationCorrection.LUMPED:

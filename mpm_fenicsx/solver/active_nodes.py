@@ -8,19 +8,21 @@ import numpy as np
 from petsc4py import PETSc
 
 FEW = 0.15
-"""Of the nodes: to copy what the others have costs more than to carry so many along, with a diagonal of their own."""
+"""Of the nodes: to copy what the others have costs more than to carry so many along, with a
+diagonal of their own."""
 
 
 class Part:
-    """Rows and columns of ``whole``, node by node, with vectors ``b`` and ``x`` of their own; ``matrix`` is theirs."""
+    """Rows and columns of ``whole``, node by node, with vectors ``b`` and ``x`` of their own;
+    ``matrix`` is theirs."""
 
     def __init__(self, whole: PETSc.Mat):
         self.whole = whole
         self._take_all()
 
     def take(self, used: np.ndarray, diagonal: PETSc.Vec) -> bool:
-        """Rows in ``used`` (dofs,), and all others of their nodes, as the whole is now; all, where none is used or few
-        are not.
+        """Rows in ``used`` (dofs,), and all others of their nodes, as the whole is now; all, where
+        none is used or few are not.
 
         Their diagonal becomes that of ``diagonal``, given for the whole.  True if these are other
         nodes than before.  On several ranks all rows are taken, every time.

@@ -23,7 +23,9 @@ from .linear_solver import RESCUE, linear_solver
 from .matrix_update import Update
 from .newton import Newton
 
-IDLE = 1e-20  # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of 1e-18
+# of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of
+# 1e-18
+IDLE = 1e-20
 
 LOOSE = 1e-2  # relative tolerance that no response is solved with less than
 
@@ -31,33 +33,59 @@ LOOSE = 1e-2  # relative tolerance that no response is solved with less than
 class Equilibrium:
     """R(u) = 0 with the derivative K of the residual R; each solve starts from u = 0.
 
-    ``contributions``: virtual work of all terms, that of the body's stress first; ``fixed`` Dirichlet conditions (the
-    motion knows which of them are not zero); ``options`` PETSc options without prefix, on top of what suits the
-    stepping; ``yielding``: what the law adds to elasticity, if it can yield, and then ``newton`` says when to stop.
-    Without it the step is linear: one solve.  ``reuse``: where fields of the tangent stay as they are in most cells,
-    only the others are assembled.
+    ``contributions``: virtual work of all terms, that of the body's stress first; ``fixed``
+    Dirichlet conditions (the motion knows which of them are not zero); ``options`` PETSc options
+    without prefix, on top of what suits the stepping; ``yielding``: what the law adds to
+    elasticity, if it can yield, and then ``newton`` says when to stop. Without it the step is
+    linear: one solve.  ``reuse``: where fields of the tangent stay as they are in most cells, only
+    the others are assembled.
     """
 
-    def __init__(self, motion: Motion, contributions: Sequence[Contribution], fixed: list,
-                 options: Mapping[str, object] | None = None, yielding: Yielding | None = None,
-                 newton: Newton | None = None, reuse: bool = False):
-        self.motion, self.bcs, self.yielding, self.newton = motion, fixed, yielding, newton or Newton()
+    def __init__(
+        self,
+        motion: Motion,
+        contributions: Sequence[Contribution],
+        fixed: list,
+        options: Mapping[str, object] | None = None,
+        yielding: Yielding | None = None,
+        newton: Newton | None = None,
+        reuse: bool = False,
+    ):
+        self.motion, self.bcs, self.yielding, self.newton = (
+            motion,
+            fixed,
+            yielding,
+            newton or Newton(),
+        )
         V = motion.grid.space
         residual = sum(c.work for c in contributions)
         tangent = ufl.derivative(residual, motion.u, ufl.TrialFunction(V))
         if yielding is not None:
             residual, tangent = residual + yielding.work, tangent + yielding.stiffness
-        elif not motion.moved:  # a linear step asks for the residual at u = 0 only, which costs less
-            residual = ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)}) if residual else residual
+        elif (
+            not motion.moved
+        ):  # a linear step asks for the residual at u = 0 only, which costs less
+            residual = (
+                ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)})
+                if residual
+                else residual
+            )
         self.update = Update.of(motion, tangent) if reuse else None
         self._parts = [c.force for c in contributions if c.force]
-        self._residual, self._tangent = dolfinx_versions.compile_form(residual), dolfinx_versions.compile_form(tangent)
+        self._residual, self._tangent = (
+            dolfinx_versions.compile_form(residual),
+            dolfinx_versions.compile_form(tangent),
+        )
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
         ours = motion.stepping.dynamic and options is None
-        # PETSc shifts pivots of rows, not of blocks; with facets between cells an incomplete factor needs that
+        # PETSc shifts pivots of rows, not of blocks; with facets between cells an incomplete factor
+        # needs that
         self._kind = "baij" if ours and motion.region.dS is None else None
         self._allocate()
-        self.force, self.increment = fem.Function(V, name="residual"), fem.Function(V, name="increment")
+        self.force, self.increment = (
+            fem.Function(V, name="residual"),
+            fem.Function(V, name="increment"),
+        )
         self._owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
         self.fixed = np.zeros(len(self.force.x.array), dtype=bool)
         for bc in fixed:
@@ -160,7 +188,8 @@ class Equilibrium:
                 ksp.reset()
 
     def solve(self, internal: np.ndarray | None = None, reassemble: bool = True) -> None:
-        """Solve for the motion's u; ``internal`` (dofs,), N: internal force that is no form, summed at points.
+        """Solve for the motion's u; ``internal`` (dofs,), N: internal force that is no form, summed
+        at points.
 
         ``reassemble`` K first; without it K at u = 0 is taken to be that of the last step.
         Raises ``SolverError`` if PETSc or Newton does not converge.
@@ -175,8 +204,9 @@ class Equilibrium:
             self.newton.iterate(self, internal, self._first)
 
     def initial_acceleration(self) -> np.ndarray:
-        """Nodal accelerations (dofs,), m/s², of the balance of forces at the start of the step, M a = P - F - Z v, and
-        of nodes whose acceleration is known: those of a step so short that stiffness does not count, by its own forms.
+        """Nodal accelerations (dofs,), m/s², of the balance of forces at the start of the step, M a
+        = P - F - Z v, and of nodes whose acceleration is known: those of a step so short that
+        stiffness does not count, by its own forms.
         """
         motion = self.motion
         with motion.vanishing_step() as factor:
@@ -192,8 +222,8 @@ class Equilibrium:
         return found
 
     def initial_force(self, internal: np.ndarray) -> fem.Function:
-        """P - F - Z v, N, at the start of the step, of every node on its own; ``internal`` (dofs,), N, as in
-        ``solve``."""
+        """P - F - Z v, N, at the start of the step, of every node on its own; ``internal`` (dofs,),
+        N, as in ``solve``."""
         with self.motion.vanishing_step():
             self._clear()
             self.motion.u.x.array[:] = 0.0
@@ -211,8 +241,9 @@ class Equilibrium:
             self.yielding.clear()
 
     def response(self, force: np.ndarray) -> np.ndarray:
-        """K⁻¹ of a force (dofs,), N, zero at fixed dofs, with K as it was last solved with, and as exact as that was:
-        relative to the first residual of the step.  The motion stays as it is."""
+        """K⁻¹ of a force (dofs,), N, zero at fixed dofs, with K as it was last solved with, and as
+        exact as that was: relative to the first residual of the step.  The motion stays as it
+        is."""
         if not force.any() and self.motion.grid.comm.size == 1:
             return np.zeros_like(force)
         r = self.force.x.array
@@ -224,7 +255,9 @@ class Equilibrium:
             loose = tolerances[0] * max(self._first / size, 1.0)
             self.ksp.setTolerances(min(loose, LOOSE), *tolerances[1:])
         preconditioner = self.ksp.getPC()
-        preconditioner.setReusePreconditioner(True)  # scaling the matrix twice makes PETSc think that it has changed
+        preconditioner.setReusePreconditioner(
+            True
+        )  # scaling the matrix twice makes PETSc think that it has changed
         try:
             self._solve()
         finally:
@@ -264,7 +297,8 @@ class Equilibrium:
         self.motion.u.x.array[:] += self.increment.x.array
 
     def _solve(self) -> None:
-        """K⁻¹ of the residual, as ``increment``; where the solver is ours and fails, by a full factor."""
+        """K⁻¹ of the residual, as ``increment``; where the solver is ours and fails, by a full
+        factor."""
         if self._tied is not None:
             self.ties.pass_on_free(self.force)
         reason = self._run(self.ksp)
@@ -275,8 +309,11 @@ class Equilibrium:
             reason, self.rescues = self._run(self._rescue), self.rescues + 1
         self._iterations = self.ksp.getIterationNumber()
         if reason < 0 or not np.isfinite(self.part.x.norm()):
-            raise SolverError(f"linear solver stopped with PETSc reason {reason} after {self._iterations} iterations; "
-                              f"{self.largest()}")
+            raise SolverError(
+                f"linear solver stopped with PETSc reason {reason} after {self._iterations} "
+                "iterations; "
+                f"{self.largest()}"
+            )
         self.part.give(self.increment.x.array[: self._owned])
         dolfinx_versions.share(self.increment)
         if self._tied is not None:
@@ -288,9 +325,17 @@ class Equilibrium:
         size = np.linalg.norm(self.motion.nodal(self.force)[: self._owned // grid.dim], axis=1)
         size[np.isnan(size)] = np.inf
         node = int(np.argmax(size)) if len(size) else 0
-        place = grid.space.tabulate_dof_coordinates()[node, : grid.dim] if len(size) else np.zeros(grid.dim)
+        place = (
+            grid.space.tabulate_dof_coordinates()[node, : grid.dim]
+            if len(size)
+            else np.zeros(grid.dim)
+        )
         most, place = max(grid.comm.allgather((float(size.max(initial=-1.0)), tuple(place))))
-        what = f"largest residual {most:.3g} N" if np.isfinite(most) else "residual that is not a number"
+        what = (
+            f"largest residual {most:.3g} N"
+            if np.isfinite(most)
+            else "residual that is not a number"
+        )
         return f"{what} at the node x={np.array(place)}"
 
     def _run(self, ksp: PETSc.KSP) -> int:
@@ -304,8 +349,8 @@ class Equilibrium:
         return float(np.sqrt(self.motion.grid.comm.allreduce(float(r @ r))))
 
     def support(self, internal: np.ndarray | None) -> tuple[np.ndarray, float]:
-        """What supports bear as things stand, at u = 0 (dofs,), N, zero where nothing is fixed; and what is out of
-        balance at free dofs, relative to ``scale``."""
+        """What supports bear as things stand, at u = 0 (dofs,), N, zero where nothing is fixed; and
+        what is out of balance at free dofs, relative to ``scale``."""
         self.motion.u.x.array[:] = 0.0
         if self.yielding is not None:
             self.yielding.clear()
@@ -339,15 +384,18 @@ class Equilibrium:
         _ = self._body
 
     def add_foreseen(self, force: fem.Function) -> None:
-        """Add the increment of internal force at the motion's u (N) that the step was solved with."""
+        """Add the increment of internal force at the motion's u (N) that the step was solved
+        with."""
         if self.yielding is not None and self.newton.tolerance is None:
-            self.yielding.clear()  # one solve: the response as it is linear about the start, at this u
+            # one solve: the response as it is linear about the start, at this u
+            self.yielding.clear()
         if self.yielding is not None:
             self.yielding.add_force(force.x.array)
         dolfinx_versions.assemble_vector(force, self._body)
 
     def scale(self, internal: np.ndarray | None) -> float:
-        """Size of the forces that are in equilibrium (N): loads and internal force, inertia left out."""
+        """Size of the forces that are in equilibrium (N): loads and internal force, inertia left
+        out."""
         total = 0.0
         for form in self._forces:
             r = self.force.x.array

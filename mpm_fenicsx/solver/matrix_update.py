@@ -17,23 +17,31 @@ MANY = 0.5
 FALLEN = 1e-3
 """Of what a cell has held: above, what round-off of that has left is nothing to what it holds."""
 ROUND_OFF = 1e-12
-"""Ten thousand times that of the matrix: of a cell that holds s of what a full one does, the farthest node has s^7/3 of
-a full one's stiffness (a corner in 3D), which sums of up to the cell's largest value so far must not spoil."""
+"""Ten thousand times that of the matrix: of a cell that holds s of what a full one does, the
+farthest node has s^7/3 of a full one's stiffness (a corner in 3D), which sums of up to the cell's
+largest value so far must not spoil."""
 
 
 class Update:
-    """Adds the form ``tangent``, of what its fields have changed by since it was last assembled, to the matrix.
+    """Adds the form ``tangent``, of what its fields have changed by since it was last assembled, to
+    the matrix.
 
-    ``cells``: those where something has changed; ``bare`` (nodes,): where the matrix is nothing but round-off.
+    ``cells``: those where something has changed; ``bare`` (nodes,): where the matrix is nothing but
+    round-off.
     """
 
-    def __init__(self, motion: Motion, fields: list[fem.Function], change: ufl.Form, by: list[fem.Function]):
+    def __init__(
+        self, motion: Motion, fields: list[fem.Function], change: ufl.Form, by: list[fem.Function]
+    ):
         self.motion, self._fields, self._by = motion, fields, by
         self.cells = self._covered = motion.region.cells
         self._marks = sorted({part.subdomain_id() for part in change.integrals()})
         self._domains = [(mark, self.cells) for mark in self._marks]
         self._form = dolfinx_versions.compile_form(
-            ufl.Form([part.reconstruct(subdomain_data=self._domains) for part in change.integrals()]))
+            ufl.Form(
+                [part.reconstruct(subdomain_data=self._domains) for part in change.integrals()]
+            )
+        )
         self._dofs = [dolfinx_versions.cell_dofs(f.function_space) for f in fields]
         self._before = [np.zeros_like(f.x.array) for f in fields]
         self._peak = np.zeros((len(fields), motion.grid.cells))
@@ -42,30 +50,49 @@ class Update:
 
     @classmethod
     def of(cls, motion: Motion, tangent: ufl.Form) -> Update | None:
-        """That of a tangent, or None where it takes more than integrals over cells that are linear in its fields, and
-        where forms cannot follow (see ``Region``)."""
+        """That of a tangent, or None where it takes more than integrals over cells that are linear
+        in its fields, and where forms cannot follow (see ``Region``)."""
         tangent = expand_derivatives(tangent)
         fields = list(tangent.coefficients())
         by = [fem.Function(f.function_space) for f in fields]
         if not fields or not motion.region.follows or not all(map(_cell_by_cell, fields)):
             return None
-        change = expand_derivatives(sum(ufl.derivative(tangent, *pair) for pair in zip(fields, by, strict=True)))
-        twice = expand_derivatives(sum(ufl.derivative(change, *pair) for pair in zip(fields, by, strict=True)))
+        change = expand_derivatives(
+            sum(ufl.derivative(tangent, *pair) for pair in zip(fields, by, strict=True))
+        )
+        twice = expand_derivatives(
+            sum(ufl.derivative(change, *pair) for pair in zip(fields, by, strict=True))
+        )
         if not twice.empty() or {part.integral_type() for part in change.integrals()} != {"cell"}:
             return None
         return cls(motion, fields, change, by)
 
     def follow(self) -> bool:
-        """See what has changed; False where that is too much to be added, and the matrix is to be made anew."""
+        """See what has changed; False where that is too much to be added, and the matrix is to be
+        made anew."""
         if self._stepping != self.motion.stepping:
             return False
         cells, self.bare[:] = self.motion.region.cells, True
-        at = cells if cells is self._covered else np.union1d(cells, self._covered)  # elsewhere are and were zeros
+        at = (
+            cells if cells is self._covered else np.union1d(cells, self._covered)
+        )  # elsewhere are and were zeros
         self._covered = cells
         changed, little = np.zeros(self.motion.grid.cells, dtype=bool), False
-        for f, by, dofs, before, peak in zip(self._fields, self._by, self._dofs, self._before, self._peak, strict=True):
-            little |= _differ(at, dofs, f.x.array, before, by.x.array, peak.max(initial=0.0), peak, changed,
-                              self.motion.grid.lattice.nodes, self.bare)
+        for f, by, dofs, before, peak in zip(
+            self._fields, self._by, self._dofs, self._before, self._peak, strict=True
+        ):
+            little |= _differ(
+                at,
+                dofs,
+                f.x.array,
+                before,
+                by.x.array,
+                peak.max(initial=0.0),
+                peak,
+                changed,
+                self.motion.grid.lattice.nodes,
+                self.bare,
+            )
         self.cells = np.flatnonzero(changed).astype(np.int32)
         return not little and len(self.cells) <= MANY * len(self.motion.region.cells)
 
@@ -83,7 +110,9 @@ class Update:
         self._stepping, self.cells = self.motion.stepping, self.motion.region.cells
         self._covered = self.cells
         self.bare[:] = False
-        for f, dofs, before, peak in zip(self._fields, self._dofs, self._before, self._peak, strict=True):
+        for f, dofs, before, peak in zip(
+            self._fields, self._dofs, self._before, self._peak, strict=True
+        ):
             before[:] = f.x.array
             np.abs(before[dofs]).max(axis=1, out=peak)
 
@@ -95,10 +124,11 @@ def _cell_by_cell(f: fem.Function) -> bool:
 
 @jit
 def _differ(cells, dofs, now, before, by, full, peak, changed, nodes, bare):
-    """Differences ``by`` = now - before in cells, then before = now; marks cells that have one, nodes with material.
+    """Differences ``by`` = now - before in cells, then before = now; marks cells that have one,
+    nodes with material.
 
-    ``peak`` (cells,): largest |value| so far; ``full``: that of full cells.  Returns whether a cell that has changed
-    holds so little that what it has held counts (``ROUND_OFF``).
+    ``peak`` (cells,): largest |value| so far; ``full``: that of full cells.  Returns whether a cell
+    that has changed holds so little that what it has held counts (``ROUND_OFF``).
     """
     little = False
     for c in cells:

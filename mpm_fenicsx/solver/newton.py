@@ -8,17 +8,19 @@ from ..common.checks import positive, whole
 from ..common.errors import SolverError
 
 ROUND_OFF = 1e-14
-"""Of the residual before the first solve, some fifty times what the sums of a node leave.  It holds the rigid motion,
-and with 1e-12 of it a body on the move stopped earlier than the same body at rest."""
+"""Of the residual before the first solve, some fifty times what the sums of a node leave.  It holds
+the rigid motion, and with 1e-12 of it a body on the move stopped earlier than the same body at
+rest."""
 
 
 @dataclass(frozen=True)
 class Newton:
     """Newton's method with a line search on the norm of the residual.
 
-    ``tolerance``: largest residual (-), relative to internal and external forces without inertia, or None for one
-    solve a step whatever is left (linearly implicit); ``iterations``: solves a step; ``halvings`` of an increment
-    that does not reduce the residual; ``cuts``: how often a step that fails is halved before it is given up.
+    ``tolerance``: largest residual (-), relative to internal and external forces without inertia,
+    or None for one solve a step whatever is left (linearly implicit); ``iterations``: solves a
+    step; ``halvings`` of an increment that does not reduce the residual; ``cuts``: how often a step
+    that fails is halved before it is given up.
     """
 
     tolerance: float | None = 1e-6
@@ -34,8 +36,9 @@ class Newton:
             object.__setattr__(self, name, whole(name, getattr(self, name), least=0))
 
     def iterate(self, equilibrium, internal, first: float = 0.0) -> None:
-        """Go on from the first solve, of the residual ``first`` (N), which in free flight is all inertia and whose
-        round-off is let be.  Raises ``SolverError`` with the residuals if it does not converge."""
+        """Go on from the first solve, of the residual ``first`` (N), which in free flight is all
+        inertia and whose round-off is let be.
+        Raises ``SolverError`` with the residuals if it does not converge."""
         u, increment, law = equilibrium.motion.u.x, equilibrium.increment.x, equilibrium.yielding
         if self.tolerance is None or not law.evaluate():
             return  # the step was linear, and is solved
@@ -44,8 +47,10 @@ class Newton:
         while not norms[-1] <= allowed:  # nor if it is not a number
             if len(norms) >= self.iterations:
                 found = ", ".join(f"{norm / allowed * self.tolerance:.1e}" for norm in norms)
-                raise SolverError(f"Newton does not converge, relative residuals {found}; "
-                                  f"allowed {self.tolerance:.1e}; {equilibrium.largest()}")
+                raise SolverError(
+                    f"Newton does not converge, relative residuals {found}; "
+                    f"allowed {self.tolerance:.1e}; {equilibrium.largest()}"
+                )
             equilibrium.bend()
             equilibrium.correct()
             law.evaluate()

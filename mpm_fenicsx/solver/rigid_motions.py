@@ -16,10 +16,11 @@ FREE = 1e-9
 
 
 def free_motion(grid: Grid, cells: np.ndarray, fixed: np.ndarray) -> str | None:
-    """What nothing keeps the material in ``cells`` (cells,), bool, from, in words, or None; the same on all ranks.
+    """What nothing keeps the material in ``cells`` (cells,), bool, from, in words, or None; the
+    same on all ranks.
 
-    ``fixed`` (dofs,): those whose displacement is given.  Material is in one piece where its cells share nodes; each
-    must be held on its own.  A fixed node without material holds nothing.
+    ``fixed`` (dofs,): those whose displacement is given.  Material is in one piece where its cells
+    share nodes; each must be held on its own.  A fixed node without material holds nothing.
     """
     dim, numbers = grid.dim, grid.space.dofmap.index_map
     number = numbers.local_to_global(np.arange(grid.nodes, dtype=np.int32))
@@ -34,14 +35,19 @@ def free_motion(grid: Grid, cells: np.ndarray, fixed: np.ndarray) -> str | None:
     return grid.comm.bcast(message)
 
 
-def _first_free(corners: np.ndarray, used: np.ndarray, place: np.ndarray, held: np.ndarray) -> str | None:
-    """The first piece that is not held; ``corners`` (cells, 2^dim) and ``used`` (n,) are numbers of nodes."""
+def _first_free(
+    corners: np.ndarray, used: np.ndarray, place: np.ndarray, held: np.ndarray
+) -> str | None:
+    """The first piece that is not held; ``corners`` (cells, 2^dim) and ``used`` (n,) are numbers of
+    nodes."""
     if not len(corners):
         return None
     node, at = np.unique(used, return_index=True)
     place, held, corners = place[at], held[at], np.searchsorted(node, corners)
     links = np.repeat(corners[:, :1], corners.shape[1], axis=1).ravel(), corners.ravel()
-    pieces, piece = connected_components(coo_matrix((np.ones(len(links[0])), links), shape=(len(node),) * 2), False)
+    pieces, piece = connected_components(
+        coo_matrix((np.ones(len(links[0])), links), shape=(len(node),) * 2), False
+    )
     for k in range(pieces):
         mine = piece == k
         motions = _free(place[mine], held[mine])
@@ -53,7 +59,8 @@ def _first_free(corners: np.ndarray, used: np.ndarray, place: np.ndarray, held: 
 
 
 def _free(x: np.ndarray, held: np.ndarray) -> list[str]:
-    """The rigid motions of nodes at x (n, dim) that the components in ``held`` (n, dim) allow, in words."""
+    """The rigid motions of nodes at x (n, dim) that the components in ``held`` (n, dim) allow, in
+    words."""
     n, dim = x.shape
     size = max(np.ptp(x, axis=0).max(), np.finfo(float).tiny)
     away, axes = (x - x.mean(axis=0)) / size, "xyz"[:dim]

@@ -31,16 +31,19 @@ class Viscous:
         patch, motion, soil = scene.patch(self.on), scene.motion, self.material
         has(f"material of {type(self).__name__}", soil, ("density", "p_speed", "s_speed"))
         Z = patch.tensor(soil.density * soil.p_speed, soil.density * soil.s_speed)
-        return Contribution(weak_forms.dashpot(Z, motion.velocity, motion.w) * patch.measure, lambda: {
-            "absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure})
+        return Contribution(
+            weak_forms.dashpot(Z, motion.velocity, motion.w) * patch.measure,
+            lambda: {"absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure},
+        )
 
 
 @dataclass(frozen=True)
 class Viscoelastic(Viscous):
     """Dashpots with springs beside them (Deeks & Randolph; Do et al. 2023, eqs. 10, 15, 16).
 
-    k_n = 2 G / r_b, k_s = G / (2 r_b), ``radius`` r_b (m) the distance to the source; the springs act on the
-    displacement accumulated since the start.  Raises ``ValueError`` for radius <= 0.
+    k_n = 2 G / r_b, k_s = G / (2 r_b), ``radius`` r_b (m) the distance to the source; the springs
+    act on the displacement accumulated since the start.
+    Raises ``ValueError`` for radius <= 0.
     """
 
     radius: float
@@ -57,5 +60,10 @@ class Viscoelastic(Viscous):
         stiffness = 2 * G / self.radius, G / (2 * self.radius)
         k, stored = patch.tensor(*stiffness), patch.stored(*stiffness)
         spring = weak_forms.spring(k, motion.u, motion.known(stored), motion.w)
-        return Contribution(viscous.work + spring * patch.measure, lambda: {
-            **viscous.energy(), "stored": inner(0.5 * k * motion.u + stored, motion.u) * patch.measure})
+        return Contribution(
+            viscous.work + spring * patch.measure,
+            lambda: {
+                **viscous.energy(),
+                "stored": inner(0.5 * k * motion.u + stored, motion.u) * patch.measure,
+            },
+        )

@@ -26,8 +26,9 @@ def inertia(scene: Scene) -> Contribution:
 def elastic_work(motion: Motion, dx: ufl.Measure, λ, μ, u, w, b_bar: bool = False):
     """Virtual work of the elastic stress of u; ``dx`` integrates what λ and μ weigh.
 
-    With ``b_bar`` volume changes cell by cell: its work is taken with one point a cell, where the divergence is the
-    cell's mean on rectilinear grids (B-bar; Hughes 1980), and near it on others (selective reduced integration).
+    With ``b_bar`` volume changes cell by cell: its work is taken with one point a cell, where the
+    divergence is the cell's mean on rectilinear grids (B-bar; Hughes 1980), and near it on others
+    (selective reduced integration).
     """
     if not b_bar:
         return weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w) * dx
@@ -35,8 +36,11 @@ def elastic_work(motion: Motion, dx: ufl.Measure, λ, μ, u, w, b_bar: bool = Fa
     return weak_forms.distortion_work(μ, u, w) * dx + weak_forms.dilation_work(λ, μ, u, w) * centre
 
 
-def elasticity(scene: Scene, dx: ufl.Measure, λ, μ, before=None, b_bar: bool = False) -> Contribution:
-    """Virtual work of the stress of the increment u, on top of the displacement ``before`` if that is given."""
+def elasticity(
+    scene: Scene, dx: ufl.Measure, λ, μ, before=None, b_bar: bool = False
+) -> Contribution:
+    """Virtual work of the stress of the increment u, on top of the displacement ``before`` if that
+    is given."""
     motion = scene.motion
     u = motion.u if before is None else motion.known(before) + motion.u
     work = elastic_work(motion, dx, λ, μ, u, motion.w, b_bar)
@@ -45,10 +49,11 @@ def elasticity(scene: Scene, dx: ufl.Measure, λ, μ, before=None, b_bar: bool =
 
 @dataclass(frozen=True)
 class Gravity:
-    """Body force per mass (m/s²): ``g`` is (dim,) numbers or a function of t, or of t and x (n, dim).
+    """Body force per mass (m/s²): ``g`` is (dim,) numbers or a function of t, or of t and x (n,
+    dim).
 
-    What depends on place is taken at the material points, where they are at the start of the step; in finite elements
-    at the nodes, linear between them.
+    What depends on place is taken at the material points, where they are at the start of the step;
+    in finite elements at the nodes, linear between them.
     """
 
     g: Callable | tuple[float, ...]
@@ -57,7 +62,11 @@ class Gravity:
         """Virtual work -∫ ρ g·w, and the work done."""
         motion, scene.body_loaded = scene.motion, True
         function, placed = scene.load("g of Gravity", self.g)
-        force = (scene.body_force or partial(_at_nodes, scene)) if placed else partial(_everywhere, scene)
+        force = (
+            (scene.body_force or partial(_at_nodes, scene))
+            if placed
+            else partial(_everywhere, scene)
+        )
 
         def weight(value: Callable[[float, float, np.ndarray], np.ndarray]):
             found, refresh = force(value)
@@ -85,7 +94,10 @@ def _everywhere(scene: Scene, value: Callable) -> tuple[object, Callable[[float,
 
 def _at_nodes(scene: Scene, value: Callable) -> tuple[object, Callable[[float, float], None]]:
     """The same of one that is given at the nodes."""
-    g, x = fem.Function(scene.grid.space), scene.grid.space.tabulate_dof_coordinates()[:, : scene.grid.dim]
+    g, x = (
+        fem.Function(scene.grid.space),
+        scene.grid.space.tabulate_dof_coordinates()[:, : scene.grid.dim],
+    )
 
     def refresh(start: float, end: float) -> None:
         scene.motion.nodal(g)[:] = value(start, end, x)

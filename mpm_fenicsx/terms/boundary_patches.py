@@ -58,7 +58,9 @@ class FacetPatch:
         if not isinstance(value, fem.Function):
             return None
         if value.function_space.mesh is not self.grid.mesh or value.ufl_shape != (self.grid.dim,):
-            raise ValueError(f"a field on facets must be a vector on the grid's mesh, got {value!r}")
+            raise ValueError(
+                f"a field on facets must be a vector on the grid's mesh, got {value!r}"
+            )
         return value
 
     def load(self, function: Load, placed: bool, mean: bool = False):
@@ -68,13 +70,20 @@ class FacetPatch:
             f = fem.Function(V)
             x = V.tabulate_dof_coordinates()[:, : self.grid.dim]
         else:
-            f, x = fem.Constant(self.grid.mesh, np.zeros(self.grid.dim)), np.zeros((1, self.grid.dim))
+            f, x = (
+                fem.Constant(self.grid.mesh, np.zeros(self.grid.dim)),
+                np.zeros((1, self.grid.dim)),
+            )
 
         def refresh(start: float, end: float) -> None:
-            # asked for anew: in DOLFINx 0.5 the view of a constant's value does not keep the constant alive
+            # asked for anew: in DOLFINx 0.5 the view of a constant's value does not keep the
+            # constant alive
             target = f.x.array.reshape(-1, self.grid.dim) if placed else f.value
-            target[:] = 0.5 * combined(function, start, end, x, 1.0) if mean else \
-                combined(function, start, end, x, self.motion.stepping.start)
+            target[:] = (
+                0.5 * combined(function, start, end, x, 1.0)
+                if mean
+                else combined(function, start, end, x, self.motion.stepping.start)
+            )
 
         self._refresh.append(refresh)
         return f
@@ -105,9 +114,11 @@ class FacetPatch:
         whole = mine <= set().union(*(p.surface.tags for p in same))
         alike = all(np.array_equal(total, p._total.x.array) for p in same)
         if anywhere(self.grid.comm, None if whole and alike else "other"):
-            raise ValueError(f"start: on a part of the facets {self.surface.names} springs have "
-                             "accumulated another displacement than on the rest: give each part a "
-                             "term of its own")
+            raise ValueError(
+                f"start: on a part of the facets {self.surface.names} springs have "
+                "accumulated another displacement than on the rest: give each part a "
+                "term of its own"
+            )
         self._total.x.array[:] = total
         return same
 
@@ -139,12 +150,15 @@ class FacetPatch:
 
 
 class PointPatch:
-    """A surface of points inside cells: coefficients are moment fields, integrals go over ``dx`` and are the
-    point sums exactly, those of ``Faces``."""
+    """A surface of points inside cells: coefficients are moment fields, integrals go over ``dx``
+    and are the point sums exactly, those of ``Faces``."""
 
     def __init__(self, points: SurfacePoints, scene):
         if points.x.shape[1] != scene.grid.dim:
-            raise ValueError(f"on: surface points have {points.x.shape[1]} coordinates, the grid {scene.grid.dim}")
+            raise ValueError(
+                f"on: surface points have {points.x.shape[1]} coordinates, the grid "
+                f"{scene.grid.dim}"
+            )
         if not scene.grid.comm.allreduce(len(points)):
             raise ValueError("on: the surface has no points")
         self.grid, self.motion, self.points = scene.grid, scene.motion, points
@@ -162,19 +176,26 @@ class PointPatch:
         return self.faces.within(self.points.x, self.points.normal)
 
     def _leave_to_others(self) -> None:
-        """Keep the faces that lie in this rank's cells, by their centres: what all ranks are given acts once."""
+        """Keep the faces that lie in this rank's cells, by their centres: what all ranks are given
+        acts once."""
         points, k, grid = self.points, self.points.per_face, self.grid
         faces = len(points) // k
         x, normal = (a.reshape(faces, k, grid.dim) for a in (points.x, points.normal))
         cell = grid.find(self.faces.within(x.mean(axis=1), normal[:, 0]))
-        things = np.column_stack((points.x, points.normal, points.area)).reshape(faces, k * (2 * grid.dim + 1))
+        things = np.column_stack((points.x, points.normal, points.area)).reshape(
+            faces, k * (2 * grid.dim + 1)
+        )
         keeper = keepers(grid.comm, things, (cell >= 0) & (cell < grid.owned_cells), cell >= 0)
         lost, message = np.flatnonzero(keeper < 0), None
         if len(lost):
-            message = self._lies(k * lost[0], "outside the grid, or in a cell of a rank that was not given it")
+            message = self._lies(
+                k * lost[0], "outside the grid, or in a cell of a rank that was not given it"
+            )
         self._refuse(message)
         if not (keeper == grid.comm.rank).all():
-            points.keep((k * np.flatnonzero(keeper == grid.comm.rank)[:, None] + np.arange(k)).ravel())
+            points.keep(
+                (k * np.flatnonzero(keeper == grid.comm.rank)[:, None] + np.arange(k)).ravel()
+            )
 
     def _lies(self, row: int, where: str) -> str:
         number = row if self.points.number is None else self.points.number[row]
@@ -183,8 +204,11 @@ class PointPatch:
     def _check(self) -> None:
         lost, message = np.flatnonzero(self._cell < 0), None
         if len(lost):
-            where = "outside the grid" + (", or too far from the cells of its rank, which is not supported yet"
-                                          if self.grid.comm.size > 1 else "")
+            where = "outside the grid" + (
+                ", or too far from the cells of its rank, which is not supported yet"
+                if self.grid.comm.size > 1
+                else ""
+            )
             message = self._lies(lost[0], where)
             self._cell[lost] = 0  # whence to walk, should they be put back
         self._refuse(message)
@@ -194,12 +218,17 @@ class PointPatch:
         if message:
             raise ValueError(message)
 
-    def _field(self, fields: int, values: Callable[[float, float], np.ndarray]) -> list[fem.Function]:
+    def _field(
+        self, fields: int, values: Callable[[float, float], np.ndarray]
+    ) -> list[fem.Function]:
         projection = Projection(self.grid, AT_NODES, fields)
 
         def refresh(start: float, end: float) -> None:
             projection.clear()
-            projection.add(self.faces.stencil, self.faces.spread(self.points.area[:, None] * values(start, end)))
+            projection.add(
+                self.faces.stencil,
+                self.faces.spread(self.points.area[:, None] * values(start, end)),
+            )
             projection.finish()
 
         self._refresh.append(refresh)
@@ -213,31 +242,41 @@ class PointPatch:
         """Tensor with eigenvalue ``along`` the outward normal and ``across`` it."""
         dim = self.grid.dim
         upper = np.triu_indices(dim)
-        found = self._field(len(upper[0]), lambda *_: self._tensors(along, across)[:, upper[0], upper[1]])
+        found = self._field(
+            len(upper[0]), lambda *_: self._tensors(along, across)[:, upper[0], upper[1]]
+        )
         at = {(i, j): f for i, j, f in zip(*upper, found, strict=True)}
         return ufl.as_tensor([[at[min(i, j), max(i, j)] for j in range(dim)] for i in range(dim)])
 
     def held(self, value):
-        """A load (Pa) that is one row a surface point (n, dim) and moves with them; None for any other.
+        """A load (Pa) that is one row a surface point (n, dim) and moves with them; None for any
+        other.
 
-        On several ranks also one for each row that the surface was given with.  Raises ``ValueError``, on all ranks,
-        for rows that do not fit, or a field on the mesh.
+        On several ranks also one for each row that the surface was given with.  Raises
+        ``ValueError``, on all ranks, for rows that do not fit, or a field on the mesh.
         """
         rows = isinstance(value, np.ndarray) and value.ndim == 2
         constant = self.points.of_given(value).copy() if rows else None
         fits = rows and constant.shape == self.points.x.shape and np.isfinite(constant).all()
         message = None
         if isinstance(value, fem.Function) or (rows and not fits):
-            message = f"a load on surface points must be {self.points.x.shape} finite numbers, got {value!r}"
+            message = (
+                f"a load on surface points must be {self.points.x.shape} finite "
+                f"numbers, got {value!r}"
+            )
         self._refuse(message)
         return ufl.as_vector(self._field(self.grid.dim, lambda *_: constant)) if rows else None
 
     def load(self, function: Load, placed: bool, mean: bool = False):
         """A load (Pa) as it counts in the balance or, if ``mean``, its mean over the step."""
+
         def values(start: float, end: float) -> np.ndarray:
             x = self.points.x
-            value = 0.5 * combined(function, start, end, x, 1.0) if mean else \
-                combined(function, start, end, x, self.motion.stepping.start)
+            value = (
+                0.5 * combined(function, start, end, x, 1.0)
+                if mean
+                else combined(function, start, end, x, self.motion.stepping.start)
+            )
             return np.broadcast_to(value, x.shape)
 
         return ufl.as_vector(self._field(self.grid.dim, values))
@@ -297,7 +336,12 @@ class PointPatch:
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
-        found = {"x": self.points.x, "normal": self.points.normal, "area": self.points.area, "cell": self._cell}
+        found = {
+            "x": self.points.x,
+            "normal": self.points.normal,
+            "area": self.points.area,
+            "cell": self._cell,
+        }
         more = {"displacement": self.points.displacement, "rest_area": self.points.rest_area}
         return {**found, **{name: value for name, value in more.items() if value is not None}}
 

@@ -15,23 +15,28 @@ from ..mapping.projection import HATS, QUADRATICS
 from .scene import Scene
 from .term import Contribution
 
-TRACE = 1e-6  # of a full cell: with less, nodal velocities are round-off (GIMP's), and stiffness alone holds nodes
+# of a full cell: with less, nodal velocities are round-off (GIMP's), and stiffness alone holds
+# nodes
+TRACE = 1e-6
 
 
 @dataclass(frozen=True)
 class GhostPenalty:
-    """Light nodes follow the motion of the cells beside them (Burman 2010; for waves Sticko & Kreiss 2019; for material
-    points Coombs 2023).
+    """Light nodes follow the motion of the cells beside them (Burman 2010; for waves Sticko &
+    Kreiss 2019; for material points Coombs 2023).
 
-    On each facet between a cell with light nodes and another one with material, h the cells' size across it,
+    On each facet between a cell with light nodes and another one with material, h the cells' size
+    across it,
 
-        β (γ_K (λ + 2μ) h [∂u/∂n]·[∂w/∂n] + γ_M ρ h³ [∂a/∂n]·[∂w/∂n]),   γ_K ``stiffness``, γ_M ``mass`` (-),
+        β (γ_K (λ + 2μ) h [∂u/∂n]·[∂w/∂n] + γ_M ρ h³ [∂a/∂n]·[∂w/∂n]),
 
-    with the moduli and density of cells when full.  Motions linear in x have no jump: they do not feel it, and linear
-    and angular momentum are as without it.  Of u it is the increment of the step that counts, so that nothing is left
-    of it in equilibrium (``settle``).  A node is light where no cell around gives it the part ``below`` of what a full
-    cell gives; β goes from 0 there to 1 where there is nothing.  ``mass`` plays no part in statics.
-    A finite element run, where cells are full, adds nothing.
+    γ_K ``stiffness`` and γ_M ``mass`` (-), with the moduli and density of cells when full. Motions
+    linear in x have no jump: they do not feel it, and linear and angular momentum are as without
+    it. Of u it is the increment of the
+    step that counts, so that nothing is left of it in equilibrium (``settle``).  A node is light
+    where no cell around gives it the part ``below`` of what a full cell gives; β goes from 0 there
+    to 1 where there is nothing.  ``mass`` plays no part in statics. A finite element run, where
+    cells are full, adds nothing.
     Raises ``ValueError`` for numbers < 0, or ``below`` out of (0, 1].
     """
 
@@ -73,7 +78,8 @@ class GhostPenalty:
 
 
 class _Given:
-    """What a discontinuous field gives to the nodes of each cell: 2^dim ∫ f N over |c|, 1 to each of a field of 1."""
+    """What a discontinuous field gives to the nodes of each cell: 2^dim ∫ f N over |c|, 1 to each
+    of a field of 1."""
 
     def __init__(self, grid: Grid, f: fem.Function):
         nodes = round(dolfinx_versions.cell_dofs(f.function_space).shape[1] ** (1 / grid.dim))
@@ -94,8 +100,8 @@ class _Given:
 
 
 class _Cut:
-    """Which cells have light nodes, ``β`` how light; ``modulus`` (Pa) and ``density`` (kg/m³) of cells when full, zero
-    where there is nothing."""
+    """Which cells have light nodes, ``β`` how light; ``modulus`` (Pa) and ``density`` (kg/m³) of
+    cells when full, zero where there is nothing."""
 
     def __init__(self, grid: Grid, density: fem.Function, lame: tuple, below: float):
         self.grid, self.below = grid, below
@@ -105,7 +111,8 @@ class _Cut:
         self.β, self.modulus, self.density = (fem.Function(W) for _ in range(3))
 
     def find(self, filled: np.ndarray) -> None:
-        """Look at the fields as they are; cells in ``filled`` (cells,) bear a load though they may be empty."""
+        """Look at the fields as they are; cells in ``filled`` (cells,) bear a load though they may
+        be empty."""
         grid, lattice = self.grid, self.grid.lattice
         mean = np.maximum(self._density.mean(), 0.0)
         full = grid.share_cells(lattice.spread(mean))
@@ -114,7 +121,10 @@ class _Cut:
         self._set(self.density, np.where(there, full, 0.0))
         λ, μ = (f.mean() for f in self._lame)
         speed = np.maximum(λ + 2.0 * μ, 0.0) / np.where(there, mean, 1.0)  # c_p², however full
-        self._set(self.modulus, np.where(self.filled, full * np.where(there, speed, lattice.spread(speed)), 0.0))
+        self._set(
+            self.modulus,
+            np.where(self.filled, full * np.where(there, speed, lattice.spread(speed)), 0.0),
+        )
         given = np.maximum(self._density.to_nodes(), 0.0) / np.where(full > 0.0, full, 1.0)[:, None]
         best = np.zeros(grid.nodes)
         np.maximum.at(best, lattice.nodes, given)

@@ -10,13 +10,15 @@ import numpy as np
 PLACES = ("x", "xs", "place", "places", "position", "positions", "point", "points", "coordinates")
 TIMES = ("t", "time")
 TRIALS = 5
-"""Places that a load is asked for when it is taken: another number than components, so that rows show."""
+"""Places that a load is asked for when it is taken: another number than components, so that rows
+show."""
 
 
 class Load:
     """Load at time t (s) and places x (n, dim): (dim,) or (n, dim).
 
-    ``fault``: what was wrong with it when it last was no number, or None; a step reads it on all ranks together.
+    ``fault``: what was wrong with it when it last was no number, or None; a step reads it on all
+    ranks together.
     """
 
     def __init__(self, name: str, function: Callable[[float, np.ndarray], np.ndarray], dim: int):
@@ -29,7 +31,9 @@ class Load:
             self.fault = f"{self.name} raises {type(error).__name__} at t = {t:.6g}: {error}"
             return np.zeros(self.dim)
         if value is None or value.shape not in ((self.dim,), (len(x), self.dim)):
-            self.fault = f"{self.name} must give {self.dim} finite numbers, got {value!r} at t = {t:.6g}"
+            self.fault = (
+                f"{self.name} must give {self.dim} finite numbers, got {value!r} at t = {t:.6g}"
+            )
             return np.zeros(self.dim)
         there = np.isfinite(value)
         if not there.all():
@@ -40,7 +44,8 @@ class Load:
 
 
 def combined(load: Load, start: float, end: float, x: np.ndarray, weight: float) -> np.ndarray:
-    """Load at the end of a step and, where ``weight`` is not zero, so much of that at its start on top."""
+    """Load at the end of a step and, where ``weight`` is not zero, so much of that at its start on
+    top."""
     value = load(end, x)
     return value + weight * load(start, x) if weight else value
 
@@ -48,8 +53,9 @@ def combined(load: Load, start: float, end: float, x: np.ndarray, weight: float)
 def as_load(name: str, value, dim: int, places: np.ndarray | None = None) -> tuple[Load, bool]:
     """A load as a function of time and place, and whether it depends on place.
 
-    ``value``: (dim,) numbers, or whatever can be called with t, or with t and x (n, dim): see ``takes_place``.  It is
-    tried at t = 0 and ``places`` (n, dim), m, where it may be asked for.  Raises ``ValueError`` naming ``name``.
+    ``value``: (dim,) numbers, or whatever can be called with t, or with t and x (n, dim): see
+    ``takes_place``.  It is tried at t = 0 and ``places`` (n, dim), m, where it may be asked for.
+    Raises ``ValueError`` naming ``name``.
     """
     wanted = f"{name} must give {dim} finite numbers, got"
     x = np.zeros((TRIALS, dim)) if places is None else places
@@ -69,18 +75,24 @@ def as_load(name: str, value, dim: int, places: np.ndarray | None = None) -> tup
     if trial is None or trial.shape not in ([(dim,), (len(x), dim)] if placed else [(dim,)]):
         raise ValueError(f"{wanted} {result if trial is None else trial!r} at t=0")
     there = np.isfinite(trial)
-    if not (there.any() if trial.ndim == 2 else there.all()):  # at some places there may be none: no body is there
+    if not (
+        there.any() if trial.ndim == 2 else there.all()
+    ):  # at some places there may be none: no body is there
         raise ValueError(f"{wanted} {trial!r} at t=0")
     return Load(name, function, dim), placed
 
 
 def of_time(name: str, value) -> Callable[[float], float]:
-    """A number that is a function of time: whatever can be called with t (s) and gives one finite number.
+    """A number that is a function of time: whatever can be called with t (s) and gives one finite
+    number.
 
-    Raises ``ValueError`` naming ``name``, here for what cannot be called, or is not a number at t = 0.
+    Raises ``ValueError`` naming ``name``, here for what cannot be called, or is not a number at t =
+    0.
     """
     if not callable(value):
-        raise ValueError(f"{name} must be a function of time, such as lambda t: 0.01 * t, got {value!r}")
+        raise ValueError(
+            f"{name} must be a function of time, such as lambda t: 0.01 * t, got {value!r}"
+        )
 
     def function(t: float) -> float:
         result = numbers(value(t))
@@ -89,34 +101,48 @@ def of_time(name: str, value) -> Callable[[float], float]:
         return float(result.reshape(()))
 
     if takes_place(value):
-        raise ValueError(f"{name} must be a function of time alone, got {value!r}, which takes a place too")
+        raise ValueError(
+            f"{name} must be a function of time alone, got {value!r}, which takes a place too"
+        )
     try:
         function(0.0)
     except Exception as error:
-        raise ValueError(f"{name} must be a function of time, got {value!r}, which says at t=0: "
-                         f"{_words(error)}") from error
+        raise ValueError(
+            f"{name} must be a function of time, got {value!r}, which says at t=0: {_words(error)}"
+        ) from error
     return function
 
 
 def takes_place(function: Callable) -> bool | str | None:
     """Whether a function of time is one of place, too; None where only a call can tell.
 
-    It is so by a second positional parameter that is required, or is one of ``PLACES``; or, as its name, by one of
-    ``PLACES`` that comes later.  What has a default is not asked for.
+    It is so by a second positional parameter that is required, or is one of ``PLACES``; or, as its
+    name, by one of ``PLACES`` that comes later.  What has a default is not asked for.
     """
     try:
         parameters = list(inspect.signature(function).parameters.values())
     except (TypeError, ValueError):  # some built-in and compiled functions do not say
         return None
     kinds = inspect.Parameter
-    positional = [p for p in parameters if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)]
-    if len(positional) > 1 and (positional[1].default is kinds.empty or positional[1].name in PLACES):
+    positional = [
+        p for p in parameters if p.kind in (kinds.POSITIONAL_ONLY, kinds.POSITIONAL_OR_KEYWORD)
+    ]
+    if len(positional) > 1 and (
+        positional[1].default is kinds.empty or positional[1].name in PLACES
+    ):
         return True
-    named = [p.name for p in (*positional[2:], *(p for p in parameters if p.kind is kinds.KEYWORD_ONLY))
-             if p.name in PLACES and (p.kind is kinds.POSITIONAL_OR_KEYWORD or p.default is kinds.empty)]
+    named = [
+        p.name
+        for p in (*positional[2:], *(p for p in parameters if p.kind is kinds.KEYWORD_ONLY))
+        if p.name in PLACES and (p.kind is kinds.POSITIONAL_OR_KEYWORD or p.default is kinds.empty)
+    ]
     if named:
         return named[0]
-    return None if any(p.kind is kinds.VAR_POSITIONAL for p in parameters) and len(positional) < 2 else False
+    return (
+        None
+        if any(p.kind is kinds.VAR_POSITIONAL for p in parameters) and len(positional) < 2
+        else False
+    )
 
 
 def numbers(value) -> np.ndarray | None:
@@ -137,7 +163,9 @@ def _as_function(name: str, value: Callable, x: np.ndarray) -> tuple[Callable, b
     if not place:
         return (lambda t, x: value(t)), False
     if _swapped(value):
-        raise ValueError(f"{name} must take time before place, f(t, x), got {value!r}, which takes place first")
+        raise ValueError(
+            f"{name} must take time before place, f(t, x), got {value!r}, which takes place first"
+        )
     return (lambda t, x: value(t, x)), True
 
 
@@ -157,4 +185,8 @@ def _swapped(function: Callable) -> bool:
 
 
 def _words(error: Exception) -> str:
-    return f"{error}" if isinstance(error, TypeError | ValueError) else f"{type(error).__name__}: {error}"
+    return (
+        f"{error}"
+        if isinstance(error, TypeError | ValueError)
+        else f"{type(error).__name__}: {error}"
+    )

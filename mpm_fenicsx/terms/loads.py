@@ -20,10 +20,11 @@ Surface = GridSurface | SurfacePoints
 
 @dataclass(frozen=True)
 class Traction:
-    """Traction (Pa) on a surface: ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim).
+    """Traction (Pa) on a surface: ``value`` is (dim,) numbers, or a function of t, or of t and x
+    (n, dim).
 
-    A load that stays as it is may be given point by point: an array (n, dim) for surface points, which moves with
-    them, or a vector field on the mesh for facets.
+    A load that stays as it is may be given point by point: an array (n, dim) for surface points,
+    which moves with them, or a vector field on the mesh for facets.
     """
 
     on: Surface
@@ -34,23 +35,28 @@ class Traction:
         patch, motion = scene.patch(self.on), scene.motion
         load = self._load(scene, patch)
         work = -weak_forms.load(load(), motion.w) * patch.measure
-        return Contribution(work, lambda: {
-            "work": weak_forms.load(load(mean=True), motion.u) * patch.measure}, work)
+        return Contribution(
+            work, lambda: {"work": weak_forms.load(load(mean=True), motion.u) * patch.measure}, work
+        )
 
     def _load(self, scene: Scene, patch) -> Callable:
         held = patch.held(self.value)
-        return partial(patch.load, *scene.load("value of Traction", self.value)) if held is None else \
-            lambda mean=False: held if mean else scene.motion.known(held)
+        return (
+            partial(patch.load, *scene.load("value of Traction", self.value))
+            if held is None
+            else lambda mean=False: held if mean else scene.motion.known(held)
+        )
 
 
 @dataclass(frozen=True)
 class DeadLoad(Traction):
-    """A load whose force stays however its surface stretches: ``value`` (Pa) is per area at the start.
+    """A load whose force stays however its surface stretches: ``value`` (Pa) is per area at the
+    start.
 
-    ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim).  A traction is per area as it is: under one
-    that keeps its direction the walls of a crater stretch, bear more, and stretch the faster.  On facets of the grid,
-    which do not stretch, the two are one.  The start is when surface points meet their first DeadLoad in a run: later
-    runs keep their ``rest_area``.
+    ``value`` is (dim,) numbers, or a function of t, or of t and x (n, dim).  A traction is per area
+    as it is: under one that keeps its direction the walls of a crater stretch, bear more, and
+    stretch the faster.  On facets of the grid, which do not stretch, the two are one.  The start is
+    when surface points meet their first DeadLoad in a run: later runs keep their ``rest_area``.
     """
 
     def _load(self, scene: Scene, patch) -> Callable:
@@ -59,6 +65,6 @@ class DeadLoad(Traction):
         if isinstance(on, GridSurface):
             return partial(patch.load, function, placed)
         on.remember_area()
-        return partial(patch.load, lambda t, x: function(t, x) * (on.rest_area / on.area)[:, None], True)
-
-
+        return partial(
+            patch.load, lambda t, x: function(t, x) * (on.rest_area / on.area)[:, None], True
+        )

@@ -20,14 +20,20 @@ ALIKE = 1e-9
 
 
 def refuse_disagreement(scene: Scene, terms: Sequence) -> None:
-    """Raise ``ValueError``, on all ranks, where two ``Fixed`` move the same component of a node differently.
+    """Raise ``ValueError``, on all ranks, where two ``Fixed`` move the same component of a node
+    differently.
 
     Looks at the first steps now, and at the others when they come.
     """
     supports = [term for term in terms if isinstance(term, Fixed)]
-    pairs = [(a, b) for a, b in combinations(supports, 2)
-             if (a.value, a.acceleration) != (b.value, b.acceleration)]
-    meeting = [(a, b, place) for a, b in pairs for place in [_meet(scene, a, b)] if place is not None]
+    pairs = [
+        (a, b)
+        for a, b in combinations(supports, 2)
+        if (a.value, a.acceleration) != (b.value, b.acceleration)
+    ]
+    meeting = [
+        (a, b, place) for a, b in pairs for place in [_meet(scene, a, b)] if place is not None
+    ]
     if not meeting:
         return
 
@@ -39,7 +45,10 @@ def refuse_disagreement(scene: Scene, terms: Sequence) -> None:
     dt = scene.motion.stepping.dt
     for step in range(AHEAD if scene.motion.stepping.dynamic else round(1.0 / dt)):
         try:
-            fault = next(filter(None, (_difference(*both, step * dt, (step + 1) * dt) for both in meeting)), None)
+            fault = next(
+                filter(None, (_difference(*both, step * dt, (step + 1) * dt) for both in meeting)),
+                None,
+            )
         except Exception:  # of a record that ends before: the run may, too
             break
         if fault:
@@ -49,21 +58,32 @@ def refuse_disagreement(scene: Scene, terms: Sequence) -> None:
 
 def _difference(a: Fixed, b: Fixed, place: str, start: float, end: float) -> str | None:
     """What two supports move a node by in a step, in words, if it is not the same."""
-    both = f"Fixed on {', '.join(a.on.names)} and Fixed on {', '.join(b.on.names)} share the node {place}, and"
+    both = (
+        f"Fixed on {', '.join(a.on.names)} and Fixed on {', '.join(b.on.names)} share "
+        f"the node {place}, and"
+    )
     cure = "leave it out of one of them, by facets of your own"
-    recorded = [support for support in (a, b) if support.value is None and support.acceleration is not None]
+    recorded = [
+        support for support in (a, b) if support.value is None and support.acceleration is not None
+    ]
     if recorded and any(support.value is not None for support in (a, b)):
         return f"{both} one moves it by an acceleration, the other by a displacement: {cure}"
     if recorded:
         moves = [_function("acceleration", support)(end) for support in (a, b)]
         unit = "m/s²"
     else:
-        moves = [value(end) - value(start) for value in (_function("value", support) for support in (a, b))]
+        moves = [
+            value(end) - value(start)
+            for value in (_function("value", support) for support in (a, b))
+        ]
         unit = "m"
     if abs(moves[0] - moves[1]) <= ALIKE * max(map(abs, moves)):
         return None
-    return (f"{both} move it by {moves[0]:.6g} {unit} and {moves[1]:.6g} {unit} from t = {start:.6g} to {end:.6g}: "
-            f"{cure}")
+    return (
+        f"{both} move it by {moves[0]:.6g} {unit} and {moves[1]:.6g} {unit} from t = "
+        f"{start:.6g} to {end:.6g}: "
+        f"{cure}"
+    )
 
 
 def _function(name: str, support: Fixed) -> Callable[[float], float]:
@@ -72,14 +92,17 @@ def _function(name: str, support: Fixed) -> Callable[[float], float]:
 
 
 def _meet(scene: Scene, a: Fixed, b: Fixed) -> str | None:
-    """A node that both hold, and in which direction, the same words on all ranks; None where there is none."""
+    """A node that both hold, and in which direction, the same words on all ranks; None where there
+    is none."""
     grid, words = scene.grid, None
     axes = "xyz"[: grid.dim]
     x = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
     for c in axes:
         if c in (a.components or axes) and c in (b.components or axes):
             V = grid.space.sub(axes.index(c))
-            shared = np.intersect1d(*(fem.locate_dofs_topological(V, grid.dim - 1, s.on.facets) for s in (a, b)))
+            shared = np.intersect1d(
+                *(fem.locate_dofs_topological(V, grid.dim - 1, s.on.facets) for s in (a, b))
+            )
             if len(shared) and words is None:
                 words = f"x={x[shared[0] // grid.dim].round(9) + 0.0} in {c}"
     return anywhere(grid.comm, words)

@@ -1,7 +1,9 @@
-"""Whether loads, dashpots and supports reach the material, and whether cells are full: looked at when a run is built.
+"""Whether loads, dashpots and supports reach the material, and whether cells are full: looked at
+when a run is built.
 
-What acts on a node without material is lost: the node belongs to no body.  Of a surface that part is lost of which the
-shape functions N_i belong to such nodes, 1 − Σ_i ∫ N_i dA / A over the nodes i that have material.
+What acts on a node without material is lost: the node belongs to no body.  Of a surface that part
+is lost of which the shape functions N_i belong to such nodes, 1 − Σ_i ∫ N_i dA / A over the nodes i
+that have material.
 """
 
 from __future__ import annotations
@@ -23,19 +25,26 @@ from .scene import Scene
 from .supports import Fixed
 
 TRACE = 1e-6
-"""Of the volume around a node: with less than that of material it has none, for it is thrown about by round-off."""
+"""Of the volume around a node: with less than that of material it has none, for it is thrown about
+by round-off."""
 WHOLE = 1e-3
 """Of an area: what is lost beyond that is told; slivers of a body beyond a grid line lose less."""
 FULL = 1e-3
 """Of a cell: what lacks less is full."""
 
 
-def check_reach(scene: Scene, terms: Sequence, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray],
-                stencils: Sequence[Stencil]) -> None:
+def check_reach(
+    scene: Scene,
+    terms: Sequence,
+    bodies: Sequence[MaterialPoints],
+    cells: Sequence[np.ndarray],
+    stencils: Sequence[Stencil],
+) -> None:
     """Refuse terms on surfaces that reach no material, and warn of those that reach it in part.
 
-    Loads and dashpots are refused with ``ValueError``.  A support may be a wall that a body is yet to meet: in dynamics
-    a warning names facets that hold nothing yet; in statics a support that does so on all its facets is refused.
+    Loads and dashpots are refused with ``ValueError``.  A support may be a wall that a body is yet
+    to meet: in dynamics a warning names facets that hold nothing yet; in statics a support that
+    does so on all its facets is refused.
     """
     acting = [term for term in terms if isinstance(term, Traction | Viscous | Fixed)]
     if not acting:
@@ -48,12 +57,20 @@ def check_reach(scene: Scene, terms: Sequence, bodies: Sequence[MaterialPoints],
         where, touched, area = _touched(scene, term.on, there)
         name = type(term).__name__
         if touched <= WHOLE * area:
-            raise ValueError(f"on: {name} acts on {where}, where there is no material; let the grid end where the body "
-                             "ends, or take the body's own surface, points.surface(side)")
+            raise ValueError(
+                f"on: {name} acts on {where}, where there is no material; let the grid end "
+                "where the body "
+                "ends, or take the body's own surface, points.surface(side)"
+            )
         if touched < (1.0 - WHOLE) * area:
             unit = "m" if scene.grid.dim == 2 else "m²"
-            warnings.warn(f"{name} acts on {where}, of which nodes with material bear {100 * touched / area:.3g} % "
-                          f"only, {touched:.4g} of {area:.4g} {unit}: the rest is lost", UserWarning, stacklevel=3)
+            warnings.warn(
+                f"{name} acts on {where}, of which nodes with material bear "
+                f"{100 * touched / area:.3g} % "
+                f"only, {touched:.4g} of {area:.4g} {unit}: the rest is lost",
+                UserWarning,
+                stacklevel=3,
+            )
 
 
 def partly_filled(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray]) -> int:
@@ -82,18 +99,31 @@ def partly_filled(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[
 
 
 def _check_support(scene: Scene, term: Fixed, there: np.ndarray) -> None:
-    found = [(name, _on_facets(scene.grid, scene.grid.facets(name), there)[0]) for name in dict.fromkeys(term.on.names)]
+    found = [
+        (name, _on_facets(scene.grid, scene.grid.facets(name), there)[0])
+        for name in dict.fromkeys(term.on.names)
+    ]
     bare = ", ".join(name for name, touched in found if touched == 0.0)
     if not bare:
         return
     if not scene.motion.stepping.dynamic and all(touched == 0.0 for _, touched in found):
-        raise ValueError(f"on: Fixed acts on the facets {bare}, where there is no material; let the grid end where the "
-                         "body ends, or name facets beside it")
-    warnings.warn(f"Fixed acts on the facets {bare}, where there is no material at the start: there it holds nothing "
-                  "until some comes", UserWarning, stacklevel=4)
+        raise ValueError(
+            f"on: Fixed acts on the facets {bare}, where there is no material; let the grid end "
+            "where the "
+            "body ends, or name facets beside it"
+        )
+    warnings.warn(
+        f"Fixed acts on the facets {bare}, where there is no material at the start: there it "
+        "holds nothing "
+        "until some comes",
+        UserWarning,
+        stacklevel=4,
+    )
 
 
-def _touched(scene: Scene, on: GridSurface | SurfacePoints, there: np.ndarray) -> tuple[str, float, float]:
+def _touched(
+    scene: Scene, on: GridSurface | SurfacePoints, there: np.ndarray
+) -> tuple[str, float, float]:
     """What a surface is called, its area with material, and its area."""
     if isinstance(on, GridSurface):
         return (f"the facets {', '.join(on.names)}", *_on_facets(scene.grid, on, there))
@@ -101,9 +131,14 @@ def _touched(scene: Scene, on: GridSurface | SurfacePoints, there: np.ndarray) -
     patch.locate()
     share = patch.faces.weights @ there
     lost = np.flatnonzero(share < 1.0 - WHOLE)
-    first = next((str(x) for x in comm.allgather(on.x[lost[0]] if len(lost) else None) if x is not None), "")
-    return (f"surface points, as at x={first}", comm.allreduce(float(on.area @ share)),
-            comm.allreduce(float(on.area.sum())))
+    first = next(
+        (str(x) for x in comm.allgather(on.x[lost[0]] if len(lost) else None) if x is not None), ""
+    )
+    return (
+        f"surface points, as at x={first}",
+        comm.allreduce(float(on.area @ share)),
+        comm.allreduce(float(on.area.sum())),
+    )
 
 
 def _on_facets(grid: Grid, on: GridSurface, there: np.ndarray) -> tuple[float, float]:
@@ -122,16 +157,24 @@ def _facets(grid: Grid, on: GridSurface) -> Iterator[tuple[np.ndarray, np.ndarra
     for pair in ((dim - 1, 0), (dim, 0)):
         topology.create_connectivity(*pair)
     vertices, corners = (topology.connectivity(d, 0) for d in (dim - 1, dim))
-    node = np.zeros(topology.index_map(0).size_local + topology.index_map(0).num_ghosts, dtype=np.int32)
-    node[corners.array] = dolfinx_versions.cell_dofs(grid.space).ravel()  # the dofs of a cell come in its vertices' order
+    node = np.zeros(
+        topology.index_map(0).size_local + topology.index_map(0).num_ghosts, dtype=np.int32
+    )
+    node[corners.array] = dolfinx_versions.cell_dofs(
+        grid.space
+    ).ravel()  # the dofs of a cell come in its vertices' order
     x = grid.space.tabulate_dof_coordinates()[:, :dim]
     for facet in on.facets[on.facets < topology.index_map(dim - 1).size_local]:
         nodes = node[vertices.links(facet)]
         yield nodes, x[nodes]
 
 
-def _nodes_with_material(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray],
-                         stencils: Sequence[Stencil]) -> np.ndarray:
+def _nodes_with_material(
+    grid: Grid,
+    bodies: Sequence[MaterialPoints],
+    cells: Sequence[np.ndarray],
+    stencils: Sequence[Stencil],
+) -> np.ndarray:
     """1 for nodes with material, 0 for others (nodes,), of this rank and ghosts."""
     lattice, given = grid.lattice, np.zeros((grid.nodes, 1))
     for body, cell, stencil in zip(bodies, cells, stencils, strict=True):

@@ -1,4 +1,5 @@
-"""What terms write their virtual work into: the motion, the density, and the surfaces they act on."""
+"""What terms write their virtual work into: the motion, the density, and the surfaces they act
+on."""
 
 from __future__ import annotations
 
@@ -21,10 +22,11 @@ from .load_functions import TRIALS, Load, as_load
 class Scene:
     """Collects what the terms of a simulation need, and no more.
 
-    ``density`` is the field or constant ρ (kg/m³); ``dx`` integrates what it weighs; ``lame`` are the fields λ and μ
-    (Pa) of material points, which like ``density`` are less where a cell is partly filled.  ``body_force`` makes ρb
-    (N/m³) of a body force per mass that varies in space, and what refreshes it: at nodes, where it is not given.
-    ``at_rest``: integrals are taken in the configuration at rest, where surface points stay.
+    ``density`` is the field or constant ρ (kg/m³); ``dx`` integrates what it weighs; ``lame`` are
+    the fields λ and μ (Pa) of material points, which like ``density`` are less where a cell is
+    partly filled.  ``body_force`` makes ρb (N/m³) of a body force per mass that varies in space,
+    and what refreshes it: at nodes, where it is not given. ``at_rest``: integrals are taken in the
+    configuration at rest, where surface points stay.
     """
 
     grid: Grid
@@ -68,7 +70,9 @@ class Scene:
             p.prepare(start, end)
         for refresh in self.before:
             refresh(start, end)
-        fault = anywhere(self.grid.comm, next((load.fault for load in self.loads if load.fault), None))
+        fault = anywhere(
+            self.grid.comm, next((load.fault for load in self.loads if load.fault), None)
+        )
         if fault:
             raise ValueError(fault)
 
@@ -78,7 +82,8 @@ class Scene:
             p.mark(cells)
 
     def mark_loaded(self, cells: np.ndarray) -> None:
-        """Mark the cells (cells,) on which surfaces act: 2 where surface points do, 1 where facets do."""
+        """Mark the cells (cells,) on which surfaces act: 2 where surface points do, 1 where facets
+        do."""
         for p in self.patches.values():
             p.mark_loaded(cells)
 
@@ -96,9 +101,13 @@ class Scene:
                 gone = [q for q in gone if q not in same]
                 new += [] if same else [p]
         if gone and new:
-            warnings.warn(f"start: springs on {new[0]} start unstressed, and what those of the run "
-                          f"before bear on {gone[0]} is gone: give the same facets, or the same "
-                          "surface points, if they are the same springs", UserWarning, stacklevel=4)
+            warnings.warn(
+                f"start: springs on {new[0]} start unstressed, and what those of the run "
+                f"before bear on {gone[0]} is gone: give the same facets, or the same "
+                "surface points, if they are the same springs",
+                UserWarning,
+                stacklevel=4,
+            )
 
     def carry(self) -> None:
         """After the step: surfaces move, springs remember, records go on."""
@@ -108,5 +117,9 @@ class Scene:
     def state(self) -> dict[str, np.ndarray]:
         """Arrays of surfaces and records that a restart needs, by name; not copied."""
         kinds = {"surfaces": self.patches.values(), "prescribed": self.prescribed}
-        return {f"{kind}/{k}/{name}": value for kind, parts in kinds.items()
-                for k, part in enumerate(parts) for name, value in part.state().items()}
+        return {
+            f"{kind}/{k}/{name}": value
+            for kind, parts in kinds.items()
+            for k, part in enumerate(parts)
+            for name, value in part.state().items()
+        }

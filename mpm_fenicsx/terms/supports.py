@@ -19,19 +19,23 @@ from .term import Contribution
 
 @dataclass(frozen=True)
 class Fixed:
-    """No displacement of ``components`` ("x", "xy", …; all by default) on facets of the grid, or a given motion.
+    """No displacement of ``components`` ("x", "xy", …; all by default) on facets of the grid, or a
+    given motion.
 
     The motion, functions of t (s), is one of
 
-    - ``value``, a displacement (m): velocity and acceleration are derived from it by differences over the step;
-    - ``value`` with its ``velocity`` (m/s) and ``acceleration`` (m/s²): all three are taken as they are;
+    - ``value``, a displacement (m): velocity and acceleration are derived from it by differences
+      over the step;
+    - ``value`` with its ``velocity`` (m/s) and ``acceleration`` (m/s²): all three are taken as they
+      are;
     - ``acceleration`` alone, a record: integrated by the trapezoidal rule, from rest at the start.
 
-    Nodes of known motion have known velocity and acceleration, whatever the points around deposit there.
-    The nodes of a material point run's grid move by the increment of the step and are then where they were,
-    so that there it serves small settlements.  The work of what is moved is not among the recorder Energy's.
-    Raises ``ValueError`` for surface points (they have no nodes of their own), a component that is not there, or
-    another set of functions.
+    Nodes of known motion have known velocity and acceleration, whatever the points around deposit
+    there. The nodes of a material point run's grid move by the increment of the step and are then
+    where they were, so that there it serves small settlements.  The work of what is moved is not
+    among the recorder Energy's.
+    Raises ``ValueError`` for surface points (they have no nodes of their own), a component that is
+    not there, or another set of functions.
     """
 
     on: GridSurface
@@ -49,8 +53,12 @@ class Fixed:
         if self.on.grid is not grid:
             raise ValueError(f"on: the facets {self.on.names} belong to another grid")
         axes = "xyz"[: grid.dim]
-        if self.components is not None and not (isinstance(self.components, str | tuple | list) and self.components):
-            raise ValueError(f"components must be one or several of {axes} in a text, got {self.components!r}")
+        if self.components is not None and not (
+            isinstance(self.components, str | tuple | list) and self.components
+        ):
+            raise ValueError(
+                f"components must be one or several of {axes} in a text, got {self.components!r}"
+            )
         for c in self.components or axes:
             V = grid.space.sub(axes.index(one_of("components", c, axes)))
             dofs = fem.locate_dofs_topological(V, grid.dim - 1, self.on.facets)
@@ -65,7 +73,11 @@ class Fixed:
 
     def _prescribed(self, dynamic: bool) -> Prescribed | None:
         """The motion given, or None for no motion."""
-        names = [name for name in ("value", "velocity", "acceleration") if getattr(self, name) is not None]
+        names = [
+            name
+            for name in ("value", "velocity", "acceleration")
+            if getattr(self, name) is not None
+        ]
         functions = {name: of_time(f"{name} of Fixed", getattr(self, name)) for name in names}
         match names:
             case []:
@@ -77,7 +89,12 @@ class Fixed:
             case ["acceleration"] if dynamic:
                 return AccelerationRecord(functions["acceleration"])
             case ["acceleration"]:
-                raise ValueError("acceleration of Fixed is for dynamics: in a quasi-static run give value, "
-                                 "a displacement (m) of the load parameter")
-        raise ValueError(f"Fixed takes value, or value with velocity and acceleration, or acceleration alone, got "
-                         f"{' and '.join(names)}")
+                raise ValueError(
+                    "acceleration of Fixed is for dynamics: in a quasi-static run give value, "
+                    "a displacement (m) of the load parameter"
+                )
+        raise ValueError(
+            "Fixed takes value, or value with velocity and acceleration, or acceleration "
+            "alone, got "
+            f"{' and '.join(names)}"
+        )

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 @dataclass
 class Contribution:
-    """Virtual work of one term, the part of it that is a load or an internal force known before the step, and, on
-    request, what it does to the energy in a step (J)."""
+    """Virtual work of one term, the part of it that is a load or an internal force known before the
+    step, and, on request, what it does to the energy in a step (J)."""
 
     work: object = 0
     energy: Callable[[], dict[str, object]] = dict

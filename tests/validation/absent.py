@@ -1,4 +1,5 @@
-"""Cells of the validation table that stay empty: where the case's name begins, the mappings, and why."""
+"""Cells of the validation table that stay empty: where the case's name begins, the mappings, and
+why."""
 
 LINEAR = "MPM CMPM DM DM-C"
 TILING = "GIMP DM-G DM-GC DM-GCL"
@@ -13,11 +14,18 @@ ALONE = "a mesh is one body"
 TWIN = "the others are compared with it"
 B_BAR = "b_bar is for integrals at Gauss points"
 SEWN = "its points reach the cut cell: it needs no GhostPenalty"
-BARE = "a matter of round-off: the dashpots act on nodes that no point reaches; see the row with GhostPenalty"
+BARE = (
+    "a matter of round-off: the dashpots act on nodes that no point reaches; see the row "
+    "with GhostPenalty"
+)
 
 ABSENT = (
     ("3 Prandtl, B-bar", AT_POINTS, B_BAR),
-    ("5 manufactured, 31 % strain, 80 cells, 16 points a cell", "FE MPM GIMP CMPM DM DM-G DM-C DM-GC", OPTION),
+    (
+        "5 manufactured, 31 % strain, 80 cells, 16 points a cell",
+        "FE MPM GIMP CMPM DM DM-G DM-C DM-GC",
+        OPTION,
+    ),
     ("6 vibration at 3 % of strain: energy lost or gained, spectral radius", BUT_DM_GC, OPTION),
     ("6 vibration at 3 % of strain: energy lost or gained", "FE", FITS),
     ("6 vibration, 10,000 steps: energy, ", BUT_DM_GC, OPTION),
@@ -27,12 +35,19 @@ ABSENT = (
     ("8 crossing cells, bar disturbed by 1 %, Courant 2", LINEAR, SHOWN),
     ("8 crossing cells, bar disturbed by 1 %, spectral", LINEAR, SHOWN),
     ("8 block at 95 % of yield, softening, Courant 5, 300 steps", LINEAR, SHOWN),
-    ("8 block at 95 % of yield, softening, Courant 5, disturbed", "MPM GIMP CMPM DM DM-G DM-C", OPTION),
+    (
+        "8 block at 95 % of yield, softening, Courant 5, disturbed",
+        "MPM GIMP CMPM DM DM-G DM-C",
+        OPTION,
+    ),
     ("8 ", "FE", FITS),
     ("9 S waves on dashpots, ν = 0.41, 60°, B-bar", AT_POINTS, B_BAR),
     ("9 S waves on dashpots, ν = 0.41, 60°, balanced", f"FE {LINEAR}", OPTION),
-    *((f"9 {wave} waves on dashpots, ν = {case}°", LINEAR, SHOWN)
-      for wave in "PS" for case in ("0.25, 60", "0.41, 60", "0.41, up to 40")),
+    *(
+        (f"9 {wave} waves on dashpots, ν = {case}°", LINEAR, SHOWN)
+        for wave in "PS"
+        for case in ("0.25, 60", "0.41, 60", "0.41, up to 40")
+    ),
     ("10 Lamb, ν = 0.25, GhostPenalty", "FE", FITS),
     ("10 Lamb, ν = 0.25, GhostPenalty", TILING, SEWN),
     ("10 Lamb, ν = 0.25", LINEAR, BARE),

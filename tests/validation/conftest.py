@@ -1,4 +1,5 @@
-"""Rows of case × mapping, gathered while the cases run; they travel with the reports, from xdist's workers too."""
+"""Rows of case × mapping, gathered while the cases run; they travel with the reports, from xdist's
+workers too."""
 
 import dolfinx
 import numpy as np
@@ -8,15 +9,24 @@ import table
 
 @pytest.fixture
 def record(request):
-    """``record(case, mapping, error, note="")``: one row, to be written before its bound is asserted.
+    """``record(case, mapping, error, note="")``: one row, to be written before its bound is
+    asserted.
 
-    ``case`` begins with its number; ``error`` is relative where nothing else is said, or None where there is none;
-    ``note`` is the reason where the mapping fails the case as it is claimed to (and the test asserts that it does).
+    ``case`` begins with its number; ``error`` is relative where nothing else is said, or None where
+    there is none; ``note`` is the reason where the mapping fails the case as it is claimed to (and
+    the test asserts that it does).
     """
+
     def write(case, mapping, error, note=""):
         finite = error is not None and np.isfinite(error)
-        row = {"case": case, "mapping": str(mapping or "FE"), "error": float(error) if finite else None,
-               "result": "fails as stated" if note else "pass", "note": note, "dolfinx": dolfinx.__version__}
+        row = {
+            "case": case,
+            "mapping": str(mapping or "FE"),
+            "error": float(error) if finite else None,
+            "result": "fails as stated" if note else "pass",
+            "note": note,
+            "dolfinx": dolfinx.__version__,
+        }
         request.node.user_properties.append(("row", row))
 
     return write
@@ -40,7 +50,11 @@ class Rows:
 
 
 def pytest_addoption(parser):
-    parser.addoption("--afresh", action="store_true", help="when all have passed, drop the rows of earlier sessions")
+    parser.addoption(
+        "--afresh",
+        action="store_true",
+        help="when all have passed, drop the rows of earlier sessions",
+    )
 
 
 def pytest_configure(config):

@@ -18,10 +18,13 @@ def read(file: Path = FILE) -> list[dict]:
 
 
 def merge(new: list[dict], file: Path = FILE, keep: bool = True) -> list[dict]:
-    """Replace the rows of the same case and mapping, keep the others or not, and write them all, in order."""
+    """Replace the rows of the same case and mapping, keep the others or not, and write them all, in
+    order."""
     rows = {(row["case"], row["mapping"]): row for row in (read(file) if keep else []) + new}
     found = ordered(rows.values())
-    file.write_text("[\n" + ",\n".join(json.dumps(row, ensure_ascii=False) for row in found) + "\n]\n")
+    file.write_text(
+        "[\n" + ",\n".join(json.dumps(row, ensure_ascii=False) for row in found) + "\n]\n"
+    )
     return found
 
 
@@ -31,7 +34,8 @@ def ordered(rows) -> list[dict]:
 
 
 def markdown(rows: list[dict]) -> str:
-    """One row a case, one column a mapping: the error, or a dash where the case is not run; letters give reasons."""
+    """One row a case, one column a mapping: the error, or a dash where the case is not run; letters
+    give reasons."""
     names = sorted({row["mapping"] for row in rows}, key=_place)
     reasons: list[str] = []
     lines = ["| case | " + " | ".join(names) + " |", "|---" * (len(names) + 1) + "|"]
@@ -44,12 +48,21 @@ def markdown(rows: list[dict]) -> str:
                 reasons.append(reason)
             cells.append(f"{text} ({_letter(reasons.index(reason))})" if reason else text)
         lines.append(f"| {case} | " + " | ".join(cells) + " |")
-    return "\n".join(lines + [""] + [f"({_letter(i)}) {reason}  " for i, reason in enumerate(reasons)])
+    return "\n".join(
+        lines + [""] + [f"({_letter(i)}) {reason}  " for i, reason in enumerate(reasons)]
+    )
 
 
 def absent(case: str, mapping: str) -> str:
     """Why the mapping does not run the case; nothing where no reason is given."""
-    return next((why for start, mappings, why in ABSENT if case.startswith(start) and mapping in mappings.split()), "")
+    return next(
+        (
+            why
+            for start, mappings, why in ABSENT
+            if case.startswith(start) and mapping in mappings.split()
+        ),
+        "",
+    )
 
 
 def blanks(rows: list[dict]) -> list[tuple[str, str]]:
@@ -61,7 +74,13 @@ def blanks(rows: list[dict]) -> list[tuple[str, str]]:
 
 def _cell(row: dict) -> tuple[str, str]:
     error = row["error"]
-    text = "∞" if error is None else f"{error:.0e}" if 0.0 < error < 1e-5 else f"{float(f'{100 * error:.2g}'):g} %"
+    text = (
+        "∞"
+        if error is None
+        else f"{error:.0e}"
+        if 0.0 < error < 1e-5
+        else f"{float(f'{100 * error:.2g}'):g} %"
+    )
     if error is not None and error >= 1.0:
         text = f"> {min(10 ** int(np.log10(error) + 1e-9), 1000):.0f}00 %"
     return (f"**FAILED** {text}", "") if row["result"] == "FAILED" else (text, row["note"])

@@ -1,4 +1,5 @@
-"""A cantilever bends until its end points down: against the elastica, and finite elements on finer and finer grids."""
+"""A cantilever bends until its end points down: against the elastica, and finite elements on finer
+and finer grids."""
 
 import functools
 
@@ -36,19 +37,25 @@ RUNS_AWAY = "linear shape functions: a node that a single point reaches runs awa
 
 
 def elastica(depth, load, stretches=True, shears=True):
-    """Displacement of the tip (m): Reissner's beam, which stretches by N/EA and shears by Q/κGA, or does not."""
+    """Displacement of the tip (m): Reissner's beam, which stretches by N/EA and shears by Q/κGA, or
+    does not."""
     EA = STIFFNESS * depth if stretches else np.inf
     GA = SHEAR * depth if shears else np.inf
     s, y = np.linspace(0, LENGTH, 101), np.zeros((4, 101))
     y[0] = s
     for P in np.linspace(0.1, 1.0, 10) * load:
+
         def along(s, y, P=P):
             _, _, θ, M = y
             ε, γ = -P * np.sin(θ) / EA, -P * np.cos(θ) / GA
             dx = (1 + ε) * np.cos(θ) - γ * np.sin(θ)
-            return np.array([dx, (1 + ε) * np.sin(θ) + γ * np.cos(θ), M / (STIFFNESS * depth**3 / 12), P * dx])
+            return np.array(
+                [dx, (1 + ε) * np.sin(θ) + γ * np.cos(θ), M / (STIFFNESS * depth**3 / 12), P * dx]
+            )
 
-        found = solve_bvp(along, lambda a, b: np.array([a[0], a[1], a[2], b[3]]), s, y, tol=1e-9, max_nodes=20000)
+        found = solve_bvp(
+            along, lambda a, b: np.array([a[0], a[1], a[2], b[3]]), s, y, tol=1e-9, max_nodes=20000
+        )
         assert found.success
         s, y = found.x, found.y
     return y[:2, -1] - (LENGTH, 0.0)
@@ -80,16 +87,27 @@ def tip(kind, h, depth=1.0, load=100e3, steps=50):
     if kind is None:
         grid = Grid.box((0, 0), (LENGTH, depth), (10 * n, round(depth * n)))
         end = grid.facets("right")
-        run = FiniteElements(grid, SOIL, QuasiStatic(steps), [
-            Fixed(grid.facets("left")), Traction(end, lambda t: (0.0, -load * t / depth))])
+        run = FiniteElements(
+            grid,
+            SOIL,
+            QuasiStatic(steps),
+            [Fixed(grid.facets("left")), Traction(end, lambda t: (0.0, -load * t / depth))],
+        )
         probe = run.record(Probe("displacement", at=(LENGTH, depth / 2)))
         run.until(1.0)
         return probe.values[-1]
     grid = Grid.box((0, -9), (11, 2), (11 * n, 11 * n))
-    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] < LENGTH) & (x[1] > 0) & (x[1] < depth))
+    body = MaterialPoints.fill(
+        grid, SOIL, 4, inside=lambda x: (x[0] < LENGTH) & (x[1] > 0) & (x[1] < depth)
+    )
     end = body.surface("right")
-    run = Simulation(grid, body, QuasiStatic(steps), [
-        Fixed(grid.facets("left")), Traction(end, lambda t: (0.0, -load * t / end.area.sum()))], kind)
+    run = Simulation(
+        grid,
+        body,
+        QuasiStatic(steps),
+        [Fixed(grid.facets("left")), Traction(end, lambda t: (0.0, -load * t / end.area.sum()))],
+        kind,
+    )
     run.until(1.0)
     return end.x.mean(axis=0) - (LENGTH, depth / 2)
 
@@ -106,7 +124,8 @@ def limit():
 
 
 def test_the_elastica_is_the_limit_of_slender_finite_elements():
-    """Half the depth at the same P L²/EI: what the beam leaves out is of second order in the depth."""
+    """Half the depth at the same P L²/EI: what the beam leaves out is of second order in the
+    depth."""
     gaps = [relative(limit(), elastica(1.0, 100e3)), None]
     coarse, fine = (tip(None, h, 0.5, 12.5e3, steps=20) for h in (0.125, 0.0625))
     gaps[1] = relative(fine + (fine - coarse) / 3, elastica(0.5, 12.5e3))

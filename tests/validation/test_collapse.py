@@ -1,4 +1,5 @@
-"""A block of clay, 16 m wide and 8 m high (half of it is computed), under its own weight: it stands, or collapses."""
+"""A block of clay, 16 m wide and 8 m high (half of it is computed), under its own weight: it
+stands, or collapses."""
 
 import numpy as np
 import pytest
@@ -28,20 +29,30 @@ HEIGHT, WIDTH, DENSITY, G = 8.0, 8.0, 1000.0, 10.0
 
 
 def block(mapping, law, h, ramp, dt, newton=None):
-    """The block on a rough base, weight growing over ``ramp`` (s); the run, its points and its energy."""
+    """The block on a rough base, weight growing over ``ramp`` (s); the run, its points and its
+    energy."""
     grid = Grid.box((0, 0), (20, HEIGHT + 1), (round(20 / h), round((HEIGHT + 1) / h)))
     body = MaterialPoints.fill(grid, law, 4, inside=lambda x: (x[0] < WIDTH) & (x[1] < HEIGHT))
     weight = Gravity(lambda t: (0.0, -G * min(t / ramp, 1.0) if ramp else -G))
-    run = Simulation(grid, body, Newmark(dt), [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom")), weight],
-                     mapping, newton=newton)
+    run = Simulation(
+        grid,
+        body,
+        Newmark(dt),
+        [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom")), weight],
+        mapping,
+        newton=newton,
+    )
     return run, body, run.record(Energy())
 
 
 @pytest.mark.parametrize("number, falls", [(3.3, False), (4.4, True)])
 def test_a_vertical_cut_stands_up_to_its_stability_number(number, falls):
-    """ρgH/c = 3.78 by limit analysis, small strain: at 3.3 it stands, nearly elastic, at 4.4 it is on its way down."""
+    """ρgH/c = 3.78 by limit analysis, small strain: at 3.3 it stands, nearly elastic, at 4.4 it is
+    on its way down."""
     c = DENSITY * G * HEIGHT / number
-    run, body, _ = block(DM_GC, VonMises(Hencky(1e7, 0.3, DENSITY), c, c, 0.0), 0.5, ramp=2.0, dt=0.02)
+    run, body, _ = block(
+        DM_GC, VonMises(Hencky(1e7, 0.3, DENSITY), c, c, 0.0), 0.5, ramp=2.0, dt=0.02
+    )
     corner = np.flatnonzero(body.exposed[:, 0, 1] & body.exposed[:, 1, 1])[0]
     start = body.x[corner, 1]
     run.until(4.0)
@@ -53,8 +64,12 @@ def test_the_energy_of_finite_elements_balances(record):
     """They stretch with the soil, its toe further than points do; balance and rest are the same."""
     law = VonMises(Hencky(1e6, 0.3, DENSITY), 20e3 / np.sqrt(3), 20e3 / np.sqrt(3), 0.0)
     grid = Grid.box((0, 0), (WIDTH, HEIGHT), (16, 16))
-    run = FiniteElements(grid, law, Newmark(0.01), [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom")),
-                                                    Gravity((0.0, -G))])
+    run = FiniteElements(
+        grid,
+        law,
+        Newmark(0.01),
+        [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom")), Gravity((0.0, -G))],
+    )
     energy = run.record(Energy())
     run.until(4.0)
     work = energy["work"][-1]
@@ -64,13 +79,18 @@ def test_the_energy_of_finite_elements_balances(record):
     assert energy["plastic"][-1] > 0.8 * work
 
 
-@pytest.mark.parametrize("mapping, h", [(DM_GC, 1.0), *((mapping, 0.5) for mapping in POINTS)], ids=str)
+@pytest.mark.parametrize(
+    "mapping, h", [(DM_GC, 1.0), *((mapping, 0.5) for mapping in POINTS)], ids=str
+)
 def test_collapse_runs_to_rest_and_its_energy_balances(mapping, h, record):
-    """c = 20/√3 kPa, E = 1 MPa: it runs out to about twice its width.  The balance closes within 5 % of the work of
-    gravity, which is the fall of the points.  (GIMP's tangent is no derivative: at 1e-6 Newton stops at 1.6 s.)"""
+    """c = 20/√3 kPa, E = 1 MPa: it runs out to about twice its width.  The balance closes within 5
+    % of the work of gravity, which is the fall of the points.  (GIMP's tangent is no derivative: at
+    1e-6 Newton stops at 1.6 s.)"""
     tolerance = 1e-4 if mapping is GIMP else 1e-6
     law = VonMises(Hencky(1e6, 0.3, DENSITY), 20e3 / np.sqrt(3), 20e3 / np.sqrt(3), 0.0)
-    run, body, energy = block(mapping, law, h, ramp=0.0, dt=0.01, newton=Newton(tolerance=tolerance))
+    run, body, energy = block(
+        mapping, law, h, ramp=0.0, dt=0.01, newton=Newton(tolerance=tolerance)
+    )
     start = body.x.copy()
     case = f"collapse of a block, h = {h:g} m: energy not found"
     try:

@@ -1,4 +1,5 @@
-"""A column compacts under its own weight: 4 % of strain at its base, or 70 %; Lambert's W has the answer."""
+"""A column compacts under its own weight: 4 % of strain at its base, or 70 %; Lambert's W has the
+answer."""
 
 import numpy as np
 import pytest
@@ -25,7 +26,9 @@ HEIGHT, DENSITY, G, STEPS = 50.0, 80.0, 10.0, 20
 CELLS = np.array([10, 20, 40, 80])
 SOFT = {1e6: "E = 1 MPa, 4 % strain", 1e4: "E = 10 kPa, 70 % strain"}
 SMALL = "1 compaction, small strain, 4 %: stress at h = 0.625 m"
-LOST = "points that cross cells on linear shape functions lose their stress; it does not fall with h"
+LOST = (
+    "points that cross cells on linear shape functions lose their stress; it does not fall with h"
+)
 
 
 def stretch(Y, E):
@@ -45,8 +48,11 @@ def compacted(kind, law, cells):
     """Points' places at rest and after, Cauchy's vertical stress there, and volumes at rest."""
     h = HEIGHT / cells
     grid = Grid.box((0, 0), (h, HEIGHT), (1, cells))
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y"),
-             Gravity(lambda t: (0.0, -G * t))]
+    terms = [
+        Fixed(grid.facets("left", "right"), "x"),
+        Fixed(grid.facets("bottom"), "y"),
+        Gravity(lambda t: (0.0, -G * t)),
+    ]
     if kind is None:
         run = FiniteElements(grid, law, QuasiStatic(STEPS), terms)
         run.until(1.0)
@@ -55,7 +61,12 @@ def compacted(kind, law, cells):
         Y = (np.arange(cells) + 0.5) * h
         line, first = np.unique(node.round(9), return_index=True)
         at_rest = np.argsort(run.sampler("stress")[0][:, 1])
-        return Y, Y + np.interp(Y, line, u[first]), run.stress(np.arange(cells))[at_rest, 1], np.full(cells, h)
+        return (
+            Y,
+            Y + np.interp(Y, line, u[first]),
+            run.stress(np.arange(cells))[at_rest, 1],
+            np.full(cells, h),
+        )
     body = MaterialPoints.fill(grid, law, 4)
     Y = body.x[:, 1].copy()
     run = Simulation(grid, body, QuasiStatic(STEPS), terms, kind)
@@ -64,8 +75,8 @@ def compacted(kind, law, cells):
 
 
 def errors(kind, law, cells):
-    """Of stress, in the mean, against ρ₀g (l₀ - Y), relative to the base; and of places against Hencky's, relative to
-    displacement."""
+    """Of stress, in the mean, against ρ₀g (l₀ - Y), relative to the base; and of places against
+    Hencky's, relative to displacement."""
     Y, y, stress, volume = compacted(kind, law, cells)
     exact = place(Y, law.young)
     σ = np.abs(stress + DENSITY * G * (HEIGHT - Y)) @ volume / (DENSITY * G * HEIGHT * volume.sum())
@@ -77,7 +88,9 @@ def test_the_answer_is_right(E):
     """Equilibrium solved point by point, and places added up."""
     for Y in (0.0, 13.0, 49.9):
         s = DENSITY * G * (HEIGHT - Y) / E
-        assert stretch(Y, E) == pytest.approx(brentq(lambda λ, s=s: np.log(λ) / λ + s, 1e-3, 1.0), rel=1e-10)
+        assert stretch(Y, E) == pytest.approx(
+            brentq(lambda λ, s=s: np.log(λ) / λ + s, 1e-3, 1.0), rel=1e-10
+        )
         assert place(Y, E) == pytest.approx(quad(stretch, 0.0, Y, args=(E,))[0], rel=1e-10)
 
 

@@ -1,7 +1,8 @@
-"""Case 12: a wave comes up through a compliant base, 2ρc v_up − ρc v, runs up 260 m of elastic soil and down again.
+"""Case 12: a wave comes up through a compliant base, 2ρc v_up − ρc v, runs up 260 m of elastic soil
+and down again.
 
-Exact: accelerations at the base are those of v_up, up at t and down at t + 2L/c, and twice that at the surface at
-t + L/c.  v_up = 9.806 t exp(−(10πt)²) m/s for shear: 1 g at its middle.
+Exact: accelerations at the base are those of v_up, up at t and down at t + 2L/c, and twice that at
+the surface at t + L/c.  v_up = 9.806 t exp(−(10πt)²) m/s for shear: 1 g at its middle.
 """
 
 import numpy as np
@@ -54,8 +55,11 @@ def shake(mapping, courant=0.5):
         body = MaterialPoints.fill(grid, ROCK, 4, inside=lambda x: (x[1] > 0) & (x[1] < L))
         base = body.surface("bottom")
     terms = [walls, Viscous(base, ROCK), Traction(base, lambda t: (2 * Z * velocity(t), 0.0))]
-    run = FiniteElements(grid, ROCK, stepping, terms) if mapping is None else \
-        Simulation(grid, body, stepping, terms, mapping)
+    run = (
+        FiniteElements(grid, ROCK, stepping, terms)
+        if mapping is None
+        else Simulation(grid, body, stepping, terms, mapping)
+    )
     place, read = run.sampler("acceleration")
     rows = np.array([place[:, 1].argmin(), place[:, 1].argmax()])
     t, found = [], []
@@ -68,17 +72,24 @@ def shake(mapping, courant=0.5):
 
 @METHODS
 def test_one_g_goes_up_two_g_arrive_and_one_comes_down(mapping, record):
-    """Two metres a cell, 37 a wavelength at the middle of the spectrum; L2 over the run has the tails of dispersion,
-    which composite strain on linear weights makes a fifth longer."""
+    """Two metres a cell, 37 a wavelength at the middle of the spectrum; L2 over the run has the
+    tails of dispersion, which composite strain on linear weights makes a fifth longer."""
     t, found, y = shake(mapping)
     base, surface = found.T
-    below, above = (acceleration(t - x / ROCK.s_speed) + acceleration(t - (2 * L - x) / ROCK.s_speed) for x in y)
+    below, above = (
+        acceleration(t - x / ROCK.s_speed) + acceleration(t - (2 * L - x) / ROCK.s_speed) for x in y
+    )
     up = t < L / ROCK.s_speed + START
     peaks = np.array([base[up].max(), base[~up].max(), surface.max() / 2]) / G
     tails = 0.06 if mapping in LINEAR and mapping.composite else 0.05
-    record("12 compliant base: peaks of 1 g at the base, 2 g above", mapping, np.abs(peaks - 1).max())
-    record("12 compliant base: accelerations (L2)", mapping,
-           max(relative_error(base, below), relative_error(surface, above)))
+    record(
+        "12 compliant base: peaks of 1 g at the base, 2 g above", mapping, np.abs(peaks - 1).max()
+    )
+    record(
+        "12 compliant base: accelerations (L2)",
+        mapping,
+        max(relative_error(base, below), relative_error(surface, above)),
+    )
     assert np.abs(peaks - 1).max() < 0.01
     assert relative_error(base, below) < tails
     assert relative_error(surface, above) < tails
@@ -90,6 +101,8 @@ def test_the_error_at_the_surface_is_of_second_order(mapping, monkeypatch):
     for h in (2.0, 1.0):
         monkeypatch.setitem(globals(), "H", h)
         t, found, y = shake(mapping)
-        exact = acceleration(t - y[1] / ROCK.s_speed) + acceleration(t - (2 * L - y[1]) / ROCK.s_speed)
+        exact = acceleration(t - y[1] / ROCK.s_speed) + acceleration(
+            t - (2 * L - y[1]) / ROCK.s_speed
+        )
         error.append(relative_error(found[:, 1], exact))
     assert np.log2(error[0] / error[1]) > 1.8

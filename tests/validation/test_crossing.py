@@ -1,7 +1,8 @@
 """Case 8: a body under uniform stress crosses cells, 0.3 of one a step; its stress stays uniform.
 
-Exact: support domains that tile the body give Σ_p V_p σ ∇S_ip = σ ∮ N_i n dA, whatever the grid, and faces cut at the
-grid's lines (``faces``) give the integral.  So nothing yields either, however near to yield the stress is.
+Exact: support domains that tile the body give Σ_p V_p σ ∇S_ip = σ ∮ N_i n dA, whatever the grid,
+and faces cut at the grid's lines (``faces``) give the integral.  So nothing yields either, however
+near to yield the stress is.
 """
 
 import numpy as np
@@ -32,7 +33,8 @@ GROWS = "a disturbance grows, at Courant 2 to 5 and 0.3 cells a step; DM-GC damp
 
 
 def errors(run, stress, steps):
-    """Largest error of stress (steps,), relative; the last is infinite where the run breaks down."""
+    """Largest error of stress (steps,), relative; the last is infinite where the run breaks
+    down."""
     found, (body,) = [], run.bodies
     try:
         for _ in range(steps):
@@ -44,7 +46,8 @@ def errors(run, stress, steps):
 
 
 def bar(mapping, courant, steps, sweeps=1, disturbance=0.0, law=Newmark):
-    """A bar of 20 cells between rollers under pressure; its velocity disturbed by a cosine of a stress of that part."""
+    """A bar of 20 cells between rollers under pressure; its velocity disturbed by a cosine of a
+    stress of that part."""
     stepping = law(courant * H / SOIL.p_speed)
     cells, length = int(0.3 * steps) + 26, 20 * H
     grid = Grid.box((-2 * H, 0), ((cells - 2) * H, H), (cells, 1))
@@ -54,12 +57,16 @@ def bar(mapping, courant, steps, sweeps=1, disturbance=0.0, law=Newmark):
     wave = np.cos(3 * np.pi * body.x[:, 0] / length)
     body.velocity[:, 0] += disturbance * STRESS / (SOIL.density * SOIL.p_speed) * wave
     terms = [Fixed(grid.facets("bottom", "top"), "y")]
-    terms += [Traction(body.surface(side), (push, 0.0)) for side, push in (("left", STRESS), ("right", -STRESS))]
+    terms += [
+        Traction(body.surface(side), (push, 0.0))
+        for side, push in (("left", STRESS), ("right", -STRESS))
+    ]
     return errors(Simulation(grid, body, stepping, terms, mapping, sweeps=sweeps), [-STRESS], steps)
 
 
 def block(mapping, courant, steps, law=SOIL, disturbance=0.0):
-    """A free block of 6 by 6 cells under tension on all sides (a dead pressure would let it topple) goes aslant.
+    """A free block of 6 by 6 cells under tension on all sides (a dead pressure would let it topple)
+    goes aslant.
 
     Returns errors and body; ``disturbance`` of the velocity, by waves of a stress of that part.
     """
@@ -68,8 +75,12 @@ def block(mapping, courant, steps, law=SOIL, disturbance=0.0):
     grid = Grid.box((-2 * H, -2 * H), (cells - 2) * H, cells)
     body = MaterialPoints.fill(grid, law, 4, inside=lambda x: ((x > 0) & (x < n * H)).all(axis=0))
     body.stress[:, :3] = STRESS * TENSION
-    waves = np.cos(3 * np.pi * body.x / (n * H)) * np.sin(0.7 + 2 * np.pi * body.x[:, ::-1] / (n * H))
-    body.velocity = way * H / stepping.dt + disturbance * STRESS / (SOIL.density * SOIL.p_speed) * waves
+    waves = np.cos(3 * np.pi * body.x / (n * H)) * np.sin(
+        0.7 + 2 * np.pi * body.x[:, ::-1] / (n * H)
+    )
+    body.velocity = (
+        way * H / stepping.dt + disturbance * STRESS / (SOIL.density * SOIL.p_speed) * waves
+    )
     sides = [body.surface(side) for side in ("left", "right", "bottom", "top")]
     terms = [Traction(surface, tuple(STRESS * surface.normal[0])) for surface in sides]
     return errors(Simulation(grid, body, stepping, terms, mapping), STRESS * TENSION, steps), body
@@ -77,9 +88,16 @@ def block(mapping, courant, steps, law=SOIL, disturbance=0.0):
 
 @COURANT
 @MAPPED
-def test_stress_of_a_bar_stays_uniform_to_round_off_with_support_domains_and_is_lost_without(mapping, courant, record):
+def test_stress_of_a_bar_stays_uniform_to_round_off_with_support_domains_and_is_lost_without(
+    mapping, courant, record
+):
     error = max(bar(mapping, courant, 100, sweeps).max() for sweeps in (0, 1))
-    record(f"8 crossing cells, bar, Courant {courant:g}, 100 steps", mapping, error, "" if mapping.support else LOST)
+    record(
+        f"8 crossing cells, bar, Courant {courant:g}, 100 steps",
+        mapping,
+        error,
+        "" if mapping.support else LOST,
+    )
     if mapping.support:
         assert error < 1e-9
     else:
@@ -94,7 +112,12 @@ def test_a_disturbance_of_one_percent_over_2000_steps(mapping, courant, record):
     grows = courant == 5.0 and not mapping.composite
     slowly = courant == 0.5 and mapping is DM_GCL
     case = f"8 crossing cells, bar disturbed by 1 %, Courant {courant:g}, last 500 of 2,000 steps"
-    record(case, mapping, quarter[-1], LOST if not mapping.support else GROWS if grows else FED if slowly else "")
+    record(
+        case,
+        mapping,
+        quarter[-1],
+        LOST if not mapping.support else GROWS if grows else FED if slowly else "",
+    )
     if slowly:
         assert (np.diff(quarter) > 0).all()
         assert quarter[-1] < 0.0115
@@ -111,10 +134,15 @@ def test_a_disturbance_of_one_percent_over_2000_steps(mapping, courant, record):
 @COURANT
 @MAPPED
 def test_a_free_block_that_goes_aslant_keeps_its_stress_to_round_off(mapping, courant, record):
-    """1e-8 is what conjugate gradients to 1e-11 leave of momenta of 14 MPa; with a full factor it is 1e-12."""
+    """1e-8 is what conjugate gradients to 1e-11 leave of momenta of 14 MPa; with a full factor it
+    is 1e-12."""
     error = block(mapping, courant, 100)[0].max()
-    record(f"8 crossing cells, free block, Courant {courant:g}, 100 steps", mapping, error,
-           "" if mapping.support else LOST)
+    record(
+        f"8 crossing cells, free block, Courant {courant:g}, 100 steps",
+        mapping,
+        error,
+        "" if mapping.support else LOST,
+    )
     if mapping.support:
         assert error < 1e-7
     else:
@@ -122,7 +150,8 @@ def test_a_free_block_that_goes_aslant_keeps_its_stress_to_round_off(mapping, co
 
 
 def near_yield(softening, share=0.95):
-    """Soil that yields at 1/share of the block's stress, perfectly plastic or softening to a tenth."""
+    """Soil that yields at 1/share of the block's stress, perfectly plastic or softening to a
+    tenth."""
     s = STRESS * (TENSION - TENSION.mean())
     cohesion = np.sqrt(1.5 * s @ s / 3) / share
     return VonMises(SOIL, cohesion, 0.1 * cohesion if softening else cohesion, softening)
@@ -133,7 +162,10 @@ def near_yield(softening, share=0.95):
 @MAPPED
 def test_a_block_at_95_percent_of_yield_does_not_yield(mapping, softening, courant, record):
     error, body = block(mapping, courant, 100, near_yield(softening))
-    case = f"8 block at 95 % of yield, {'softening, ' if softening else ''}Courant {courant:g}, 100 steps"
+    case = (
+        f"8 block at 95 % of yield, {'softening, ' if softening else ''}Courant "
+        f"{courant:g}, 100 steps"
+    )
     record(case, mapping, error.max(), "" if mapping.support else LOST)
     if mapping.support:
         assert error.max() < 1e-7
@@ -154,7 +186,11 @@ def test_nor_does_it_in_300_steps(mapping, record):
 @over(DM_GC, DM_GCL)
 def test_nor_where_it_is_disturbed_by_one_percent(mapping, record):
     error, body = block(mapping, 5.0, 300, near_yield(500e3), disturbance=0.01)
-    record("8 block at 95 % of yield, softening, Courant 5, disturbed by 1 %, 300 steps", mapping, error.max())
+    record(
+        "8 block at 95 % of yield, softening, Courant 5, disturbed by 1 %, 300 steps",
+        mapping,
+        error.max(),
+    )
     assert 1e-3 < error.max() < 0.01
     assert error[-50:].max() < 0.5 * error[:50].max()
     assert not body.history.any()

@@ -1,14 +1,27 @@
-"""Cases 7 and 8: what grows with Newmark's γ = ½ decays with generalised α, at every Courant number.
+"""Cases 7 and 8: what grows with Newmark's γ = ½ decays with generalised α, at every Courant
+number.
 
-With equation (7), or strain from composite patches, the step's matrix is not the derivative of its force, and modes
-that the step does not resolve may grow (studies/amplification.py); to take of those is what dissipation is for.
+With equation (7), or strain from composite patches, the step's matrix is not the derivative of its
+force, and modes that the step does not resolve may grow (studies/amplification.py); to take of
+those is what dissipation is for.
 """
 
 import numpy as np
 import pytest
 from test_crossing import SOIL, H, bar
 
-from mpm_fenicsx import DM_G, DM_GC, DM_GCL, GIMP, Energy, GeneralizedAlpha, Grid, MaterialPoints, Newmark, Simulation
+from mpm_fenicsx import (
+    DM_G,
+    DM_GC,
+    DM_GCL,
+    GIMP,
+    Energy,
+    GeneralizedAlpha,
+    Grid,
+    MaterialPoints,
+    Newmark,
+    Simulation,
+)
 
 pytestmark = pytest.mark.validation
 
@@ -28,9 +41,12 @@ def test_a_disturbance_grows_at_courant_2_where_points_cross_cells(mapping, reco
 @pytest.mark.parametrize("courant", [0.5, 2.0, 5.0])
 @MAPPED
 def test_with_dissipation_it_does_not_grow_over_2000_steps(mapping, courant, record):
-    """It never is above the 1 % of the disturbance; what round-off and dissipation leave in turn is below 0.1 %."""
+    """It never is above the 1 % of the disturbance; what round-off and dissipation leave in turn is
+    below 0.1 %."""
     radius = RADIUS[mapping]
-    error = bar(mapping, courant, 2000, disturbance=0.01, law=lambda dt: GeneralizedAlpha(dt, radius))
+    error = bar(
+        mapping, courant, 2000, disturbance=0.01, law=lambda dt: GeneralizedAlpha(dt, radius)
+    )
     quarter = [part.max() for part in np.array_split(error, 4)]
     case = "8 crossing cells, bar disturbed by 1 %, spectral radius 0.8 (GIMP, DM-G: 0.5)"
     case += f", Courant {courant:g}, last 500 of 2,000 steps"
@@ -43,10 +59,20 @@ def test_with_dissipation_it_does_not_grow_over_2000_steps(mapping, courant, rec
 @pytest.mark.parametrize("mapping", [DM_GC, DM_GCL], ids=str)
 def test_with_dissipation_a_free_block_gains_no_energy(mapping, cells, record):
     """Set off by cos πx/L, at rest as a whole, 0 and 0.3 cells off the grid lines."""
-    gain = max(late_energy(mapping, courant, cells, offset, lambda dt: GeneralizedAlpha(dt, 0.9))
-               for offset in (0.0, 0.3) for courant in (0.5, 2.0, 5.0)) - 1.0
-    record(f"7 free block, {cells[0]} × {cells[1]} cells, Courant 0.5 to 5, spectral radius 0.9: gain of energy",
-           mapping, max(gain, 0.0))
+    gain = (
+        max(
+            late_energy(mapping, courant, cells, offset, lambda dt: GeneralizedAlpha(dt, 0.9))
+            for offset in (0.0, 0.3)
+            for courant in (0.5, 2.0, 5.0)
+        )
+        - 1.0
+    )
+    record(
+        f"7 free block, {cells[0]} × {cells[1]} cells, Courant 0.5 to 5, spectral radius 0.9: "
+        "gain of energy",
+        mapping,
+        max(gain, 0.0),
+    )
     assert gain < 0.0
 
 
@@ -58,7 +84,9 @@ def late_energy(mapping, courant, cells, offset, law):
     """Largest energy in the last quarter of 600 steps over that at the start."""
     size = np.array(cells) * H
     grid = Grid.box((-2 * H, -2 * H), size + 3 * H, np.array(cells) + 5)
-    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x.T > 0).all(axis=1) & (x.T < size).all(axis=1))
+    body = MaterialPoints.fill(
+        grid, SOIL, 4, inside=lambda x: (x.T > 0).all(axis=1) & (x.T < size).all(axis=1)
+    )
     body.velocity = np.zeros_like(body.x)
     body.velocity[:, 0] = 1e-5 * SOIL.p_speed * np.cos(np.pi * body.x[:, 0] / size[0])
     body.x += offset * H

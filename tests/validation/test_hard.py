@@ -1,7 +1,8 @@
-"""Case 15: nearly incompressible, Courant number 50, stiffness contrast 1e6, two bodies that meet and part.
+"""Case 15: nearly incompressible, Courant number 50, stiffness contrast 1e6, two bodies that meet
+and part.
 
-Exact: d'Alembert in a column of small strain; Lamé's mode, which keeps the volume; two like bars that meet exchange
-their velocities.
+Exact: d'Alembert in a column of small strain; Lamé's mode, which keeps the volume; two like bars
+that meet exchange their velocities.
 """
 
 import numpy as np
@@ -27,14 +28,22 @@ pytestmark = pytest.mark.validation
 H, N, STEPS = 0.25, 20, 1000
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 LOCKS = "bilinear cells lock without B-bar"
-TIRES = "the matrix of (7) is stiffer than what points give back: loss of first order in Δt; a fifth is the averaging's"
-STICK = "one velocity field: bodies that share nodes hold one another, in tension as well, 0.5 to 0.9 cells apart"
+TIRES = (
+    "the matrix of (7) is stiffer than what points give back: loss of first order in "
+    "Δt; a fifth is the averaging's"
+)
+STICK = (
+    "one velocity field: bodies that share nodes hold one another, in tension as well, "
+    "0.5 to 0.9 cells apart"
+)
 
 
 def column(mapping, courant, duration, base=None):
-    """Error (L2 in time) of pressure at mid-height of a column of N cells, 1,000 steps under a load of sin²'s.
+    """Error (L2 in time) of pressure at mid-height of a column of N cells, 1,000 steps under a load
+    of sin²'s.
 
-    ``duration`` of one of them in travel times L/c; ``base``: soil of five more cells below; fixed at the bottom.
+    ``duration`` of one of them in travel times L/c; ``base``: soil of five more cells below; fixed
+    at the bottom.
     """
     soil = SOIL
     L, below = N * H, 0 if base is None else 5
@@ -65,7 +74,9 @@ def column(mapping, courant, duration, base=None):
         run.step()
         found.append(-stress(rows)[:, 1])
     found, t = np.array(found), stepping.dt * np.arange(1, STEPS + 1)
-    return max(relative_error(found[:, i], exact.pressure(L - y, t)) for i, y in enumerate(place[rows, 1]))
+    return max(
+        relative_error(found[:, i], exact.pressure(L - y, t)) for i, y in enumerate(place[rows, 1])
+    )
 
 
 @METHODS
@@ -86,9 +97,11 @@ def test_a_base_a_million_times_stiffer(mapping, record):
 
 
 def lame_mode(mapping, b_bar, n=10):
-    """Errors of the period and of the energy of u = sin kx cos ky, -cos kx sin ky in a square between smooth walls.
+    """Errors of the period and of the energy of u = sin kx cos ky, -cos kx sin ky in a square
+    between smooth walls.
 
-    It keeps the volume, so that ω = √2 k c_s whatever ν, here 0.499; 1,000 steps, half a cell of shear wave each.
+    It keeps the volume, so that ω = √2 k c_s whatever ν, here 0.499; 1,000 steps, half a cell of
+    shear wave each.
     """
     soil, k = LinearElastic(20e6, 0.499, 1500.0), np.pi
     ω, keywords = np.sqrt(2) * k * soil.s_speed, {"b_bar": True} if b_bar else {}
@@ -118,7 +131,8 @@ def lame_mode(mapping, b_bar, n=10):
 
 @METHODS
 def test_nearly_incompressible(mapping, record):
-    """Newmark and the mass move the period by 4.1e-3 each, one up, (ωΔt)²/12, one down, (kh)²/24."""
+    """Newmark and the mass move the period by 4.1e-3 each, one up, (ωΔt)²/12, one down,
+    (kh)²/24."""
     name, case = mapping or "FE", "15 ν = 0.499, Lamé's mode, 1,000 steps"
     period, energy = lame_mode(mapping, False)
     record(f"{case}: period", name, abs(period), LOCKS)
@@ -133,15 +147,21 @@ def test_nearly_incompressible(mapping, record):
 
 
 def meet(mapping, n=8, gap=3, speed=0.01):
-    """A bar of n cells meets another at rest, ν = 0: velocities at last (over v), largest loss of momentum,
-    distance (cells) where it begins, and that at last."""
+    """A bar of n cells meets another at rest, ν = 0: velocities at last (over v), largest loss of
+    momentum, distance (cells) where it begins, and that at last."""
     soil = LinearElastic(20e6, 0.0, 1500.0)
     v, stepping, cells = speed * soil.p_speed, Newmark(0.5 * H / soil.p_speed), 2 * n + gap + 12
     grid = Grid.box((0, 0), (cells * H, H), (cells, 1))
-    left, right = (MaterialPoints.fill(grid, soil, 4, inside=lambda x, a=a: (x[0] > a * H) & (x[0] < (a + n) * H))
-                   for a in (1, 1 + n + gap))
+    left, right = (
+        MaterialPoints.fill(
+            grid, soil, 4, inside=lambda x, a=a: (x[0] > a * H) & (x[0] < (a + n) * H)
+        )
+        for a in (1, 1 + n + gap)
+    )
     left.velocity, right.velocity = np.tile([v, 0.0], (len(left), 1)), np.zeros_like(right.x)
-    run = Simulation(grid, [left, right], stepping, [Fixed(grid.facets("bottom", "top"), "y")], mapping)
+    run = Simulation(
+        grid, [left, right], stepping, [Fixed(grid.facets("bottom", "top"), "y")], mapping
+    )
     found = []
     for _ in range(round((gap / speed + 2 * n + 4 / speed) / 0.5)):
         run.step()

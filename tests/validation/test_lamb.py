@@ -1,7 +1,8 @@
-"""Case 10: Lamb's problem, a line load on a half-space; a surface wave runs off at ``exact.rayleigh_speed``.
+"""Case 10: Lamb's problem, a line load on a half-space; a surface wave runs off at
+``exact.rayleigh_speed``.
 
-In the plane it neither decays nor spreads, whereas body waves along the surface fall off like x^-3/2: the delay of two
-receivers far out is that of the surface wave.
+In the plane it neither decays nor spreads, whereas body waves along the surface fall off like
+x^-3/2: the delay of two receivers far out is that of the surface wave.
 """
 
 from itertools import product
@@ -31,7 +32,8 @@ NEAR, FAR, WIDE, DEEP = 4, 8, 10, 3  # receivers and extent in wavelengths
 
 
 def surface_speed(mapping, poisson, wave=12):
-    """Speed of the surface wave over c_s, from two receivers of vertical velocity; ``wave``: its length in cells."""
+    """Speed of the surface wave over c_s, from two receivers of vertical velocity; ``wave``: its
+    length in cells."""
     soil = LinearElastic(20e6, poisson, 1500.0)
     width, depth = WIDE * wave, DEEP * wave
     above = 0 if mapping is None else 2
@@ -39,8 +41,9 @@ def surface_speed(mapping, poisson, wave=12):
     if mapping is None:
         side, base, top = grid.facets("right"), grid.facets("bottom"), grid.facets("top")
     else:
-        body = MaterialPoints.fill(grid, soil, 4,
-                                   inside=lambda x: (x[0] < width) & (x[1] > -depth) & (x[1] < 0))
+        body = MaterialPoints.fill(
+            grid, soil, 4, inside=lambda x: (x[0] < width) & (x[1] > -depth) & (x[1] < 0)
+        )
         side, base, top = (body.surface(name) for name in ("right", "bottom", "top"))
     period = wave / soil.s_speed
     stepping = Newmark(0.5 / soil.s_speed)
@@ -51,10 +54,18 @@ def surface_speed(mapping, poisson, wave=12):
         pull[:, 1] = (1 - 2 * s) * np.exp(-s) * np.exp(-((x[:, 0] / (wave / 6)) ** 2))
         return pull
 
-    terms = [Fixed(grid.facets("left"), "x"), Traction(top, load), Viscous(side, soil), Viscous(base, soil)]
+    terms = [
+        Fixed(grid.facets("left"), "x"),
+        Traction(top, load),
+        Viscous(side, soil),
+        Viscous(base, soil),
+    ]
     terms += [GhostPenalty()] if mapping in LINEAR else []
-    run = FiniteElements(grid, soil, stepping, terms) if mapping is None else \
-        Simulation(grid, body, stepping, terms, mapping)
+    run = (
+        FiniteElements(grid, soil, stepping, terms)
+        if mapping is None
+        else Simulation(grid, body, stepping, terms, mapping)
+    )
     place, read = run.sampler("velocity")
     rows = [np.hypot(place[:, 0] - n * wave, place[:, 1]).argmin() for n in (NEAR, FAR)]
     steps = int((FAR + 4) * wave / 0.87 / 0.5)
@@ -70,19 +81,28 @@ def surface_speed(mapping, poisson, wave=12):
     return np.diff(place[rows, 0])[0] / delay / soil.s_speed
 
 
-@pytest.mark.parametrize("mapping, poisson", [*product((None, *POINTS), (0.25,)), *product((None, DM_GC), (0.3, 0.41))],
-                         ids=name)
+@pytest.mark.parametrize(
+    "mapping, poisson",
+    [*product((None, *POINTS), (0.25,)), *product((None, DM_GC), (0.3, 0.41))],
+    ids=name,
+)
 def test_speed_of_the_surface_wave(mapping, poisson, record):
-    """Twelve cells a wavelength; bilinear finite elements make such waves 1 % too fast, half as long ones 4 %.
+    """Twelve cells a wavelength; bilinear finite elements make such waves 1 % too fast, half as
+    long ones 4 %.
 
-    Plain MPM's dashpots act on nodes that no point reaches once an edge is a hair past a grid line, and what comes of
-    it is a matter of round-off (3.9 %, 15 % or no wave at all): with the ghost penalty those nodes follow the body.
+    Plain MPM's dashpots act on nodes that no point reaches once an edge is a hair past a grid line,
+    and what comes of it is a matter of round-off (3.9 %, 15 % or no wave at all): with the ghost
+    penalty those nodes follow the body.
     """
     exact = rayleigh_speed(poisson)
     error = surface_speed(mapping, poisson) / exact - 1
     sewn = ", GhostPenalty" if mapping in LINEAR else ""
     bound = 0.01 if mapping is DM_GC else 0.02 if mapping in TILING else 0.03
-    record(f"10 Lamb, ν = {poisson:g}{sewn}: speed of the surface wave ({exact:.4f} c_s)", mapping, abs(error))
+    record(
+        f"10 Lamb, ν = {poisson:g}{sewn}: speed of the surface wave ({exact:.4f} c_s)",
+        mapping,
+        abs(error),
+    )
     assert abs(error) < bound
 
 

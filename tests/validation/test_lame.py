@@ -1,6 +1,8 @@
-"""Case 4: Lamé's thick cylinder, a quarter of it, on a grid of squares whose staircase the points fill.
+"""Case 4: Lamé's thick cylinder, a quarter of it, on a grid of squares whose staircase the points
+fill.
 
-Pressure acts on surface points laid along the inner circle.  Finite elements have a mesh in polar coordinates.
+Pressure acts on surface points laid along the inner circle.  Finite elements have a mesh in polar
+coordinates.
 """
 
 import meshio
@@ -27,19 +29,24 @@ SOIL, INNER, OUTER, PRESSURE = LinearElastic(young=20e6, poisson=0.3, density=15
 
 
 def errors(x, u, stress):
-    """Errors (L2) of displacement and of the stresses in x, y between r = 1.25 and 1.75, relative to the largest."""
+    """Errors (L2) of displacement and of the stresses in x, y between r = 1.25 and 1.75, relative
+    to the largest."""
     r = np.hypot(*x.T)
     radial, hoop, radial_u = thick_cylinder(r, INNER, OUTER, PRESSURE, SOIL.young, SOIL.poisson)
     c, s = (x / r[:, None]).T
-    exact = np.stack((c**2 * radial + s**2 * hoop, s**2 * radial + c**2 * hoop, c * s * (radial - hoop)), axis=1)
+    exact = np.stack(
+        (c**2 * radial + s**2 * hoop, s**2 * radial + c**2 * hoop, c * s * (radial - hoop)), axis=1
+    )
     inside = (r > 1.25) & (r < 1.75)
 
     def rms(difference, size):
         return np.sqrt((difference[inside] ** 2).sum(axis=1).mean()) / size
 
     direction = np.stack((c, s), axis=1)
-    return (rms(u - radial_u[:, None] * direction, radial_u[inside].max()),
-            rms(stress[:, [0, 1, 3]] - exact, np.abs(exact[inside]).max()))
+    return (
+        rms(u - radial_u[:, None] * direction, radial_u[inside].max()),
+        rms(stress[:, [0, 1, 3]] - exact, np.abs(exact[inside]).max()),
+    )
 
 
 def points(mapping, cells):
@@ -47,12 +54,18 @@ def points(mapping, cells):
     h = 1 / cells
     n = round((OUTER + 2 * h) * cells)
     grid = Grid.box((0, 0), (n * h, n * h), (n, n))
-    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (np.hypot(*x) > INNER) & (np.hypot(*x) < OUTER))
+    body = MaterialPoints.fill(
+        grid, SOIL, 4, inside=lambda x: (np.hypot(*x) > INNER) & (np.hypot(*x) < OUTER)
+    )
     start, k = body.x.copy(), 8 * cells
     angle = (np.arange(k) + 0.5) * np.pi / 2 / k
     normal = -np.stack((np.cos(angle), np.sin(angle)), axis=1)
     circle = SurfacePoints(-INNER * normal, normal, np.full(k, np.pi / 2 * INNER / k))
-    terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y"), Traction(circle, -PRESSURE * normal)]
+    terms = [
+        Fixed(grid.facets("left"), "x"),
+        Fixed(grid.facets("bottom"), "y"),
+        Traction(circle, -PRESSURE * normal),
+    ]
     run = Simulation(grid, body, QuasiStatic(1), terms, mapping)
     run.step()
     return errors(start, body.x - start, body.stress)
@@ -69,13 +82,18 @@ def polar(cells, folder):
     meshio.write(path, meshio.Mesh(x, [("quad", quads)]))
     grid = Grid.read(path, facets={"hole": lambda x: np.hypot(x[0], x[1]) < INNER * (1 + 1e-6)})
     walls = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
-    push = Traction(grid.facets("hole"), lambda t, x: PRESSURE * x / np.fmax(np.linalg.norm(x, axis=1), 1e-9)[:, None])
+    push = Traction(
+        grid.facets("hole"),
+        lambda t, x: PRESSURE * x / np.fmax(np.linalg.norm(x, axis=1), 1e-9)[:, None],
+    )
     run = FiniteElements(grid, SOIL, QuasiStatic(1), [*walls, push])
     run.step()
     nodes, u = run.sampler("displacement")
     centres, stress = run.sampler("stress")
-    return (errors(nodes, u(slice(None)), np.zeros((len(nodes), 4)))[0],
-            errors(centres, 0 * centres, stress(np.arange(len(centres))))[1])
+    return (
+        errors(nodes, u(slice(None)), np.zeros((len(nodes), 4)))[0],
+        errors(centres, 0 * centres, stress(np.arange(len(centres))))[1],
+    )
 
 
 def test_finite_elements_are_of_second_order(record, tmp_path):
@@ -88,7 +106,8 @@ def test_finite_elements_are_of_second_order(record, tmp_path):
 
 @MAPPED
 def test_points_of_a_staircase(mapping, record):
-    """What points are in the body jumps as cells shrink; from 8 to 64 cells stress gains a factor of 2 to 6."""
+    """What points are in the body jumps as cells shrink; from 8 to 64 cells stress gains a factor
+    of 2 to 6."""
     error = np.array([points(mapping, cells) for cells in (8, 16, 32, 64)])
     record("4 Lamé's cylinder, 32 cells across: displacement", mapping, error[2, 0])
     record("4 Lamé's cylinder, 32 cells across: stress", mapping, error[2, 1])

@@ -1,4 +1,5 @@
-"""A bar stretched by 31 % under a manufactured body force: orders of displacement and stress at finite strain."""
+"""A bar stretched by 31 % under a manufactured body force: orders of displacement and stress at
+finite strain."""
 
 import math
 
@@ -6,7 +7,18 @@ import numpy as np
 import pytest
 from methods import LINEAR, STRESS_LOST, TILING, name, over
 
-from mpm_fenicsx import DM_GC, DM_GCL, FiniteElements, Fixed, Gravity, Grid, Hencky, MaterialPoints, Newmark, Simulation
+from mpm_fenicsx import (
+    DM_GC,
+    DM_GCL,
+    FiniteElements,
+    Fixed,
+    Gravity,
+    Grid,
+    Hencky,
+    MaterialPoints,
+    Newmark,
+    Simulation,
+)
 
 pytestmark = pytest.mark.validation
 
@@ -15,7 +27,10 @@ SPEED, LENGTH, A, END = SOIL.p_speed, 1.0, 0.05, 1.0
 K, OMEGA = 2 * math.pi / LENGTH, math.pi * SPEED / LENGTH
 CELLS = (20, 40, 80)
 CASE = "5 manufactured, 31 % strain, 80 cells"
-NOISE = "order 0.8 in stress where 1.4 is wanted: it is constant over domains that grid lines cut; 1.8 with DM-GCL"
+NOISE = (
+    "order 0.8 in stress where 1.4 is wanted: it is constant over domains that grid "
+    "lines cut; 1.8 with DM-GCL"
+)
 
 
 def displacement(X, t, a=A):
@@ -35,7 +50,7 @@ def stress(F):
 def force(X, t, a=A):
     """b = u_tt - P'(F) F_X/ρ₀ (m/s²), P' = E (1 - ln F)/F²."""
     F, u = stretch(X, t, a), displacement(X, t, a)
-    return -OMEGA**2 * u + SPEED**2 * (1 - np.log(F)) / F**2 * K**2 * u
+    return -(OMEGA**2) * u + SPEED**2 * (1 - np.log(F)) / F**2 * K**2 * u
 
 
 def at_rest(x, t, a=A):
@@ -51,7 +66,9 @@ def test_the_body_force_balances():
     slope = (stress(stretch(X + d, t)) - stress(stretch(X - d, t))) / (2 * d)
     u = [displacement(X, t + s * d) for s in (-1, 0, 1)]
     acceleration = (u[0] - 2 * u[1] + u[2]) / (d * LENGTH / SPEED) ** 2
-    np.testing.assert_allclose(acceleration - slope / SOIL.density, force(X, t), rtol=1e-5, atol=1e-9)
+    np.testing.assert_allclose(
+        acceleration - slope / SOIL.density, force(X, t), rtol=1e-5, atol=1e-9
+    )
     np.testing.assert_allclose(at_rest(X + displacement(X, t), t), X, atol=1e-14)
 
 
@@ -69,7 +86,11 @@ def errors(kind, cells, per_cell=4, size=1.0):
         X = x[:, 0] if kind is None else at_rest(x[:, 0], t * clock - dt, a)
         return np.stack((force(X, t * clock, a), 0 * X), axis=1)
 
-    terms = [Fixed(grid.facets("left", "right")), Fixed(grid.facets("bottom", "top"), "y"), Gravity(g)]
+    terms = [
+        Fixed(grid.facets("left", "right")),
+        Fixed(grid.facets("bottom", "top"), "y"),
+        Gravity(g),
+    ]
     if kind is None:
         run = FiniteElements(grid, SOIL, Newmark(dt / clock), terms)
         x = grid.space.tabulate_dof_coordinates()[:, 0]
@@ -85,15 +106,26 @@ def errors(kind, cells, per_cell=4, size=1.0):
         run.step()
         t = step * dt
         u, σ = displacement(X, t, a), stress(stretch(centre, t, a))
-        found = (run.motion.nodal(run.displacement)[:, 0], run.stress(np.arange(cells))[:, 0]) if kind is None else \
-            (body.x[:, 0] - X, body.stress[:, 0])
-        sums += [((found[0] - u) ** 2).mean(), (u**2).mean(), ((found[1] - σ) ** 2).mean(), (σ**2).mean()]
+        found = (
+            (run.motion.nodal(run.displacement)[:, 0], run.stress(np.arange(cells))[:, 0])
+            if kind is None
+            else (body.x[:, 0] - X, body.stress[:, 0])
+        )
+        sums += [
+            ((found[0] - u) ** 2).mean(),
+            (u**2).mean(),
+            ((found[1] - σ) ** 2).mean(),
+            (σ**2).mean(),
+        ]
     return math.sqrt(sums[0] / sums[1]), math.sqrt(sums[2] / sums[3])
 
 
-@pytest.mark.parametrize("kind, per_cell", [*((kind, 4) for kind in (None, *TILING)), (DM_GCL, 16)], ids=name)
+@pytest.mark.parametrize(
+    "kind, per_cell", [*((kind, 4) for kind in (None, *TILING)), (DM_GCL, 16)], ids=name
+)
 def test_orders(kind, per_cell, record):
-    """1.9 in displacement and 1.4 in stress are wanted; for the latter stress has to be linear over support domains."""
+    """1.9 in displacement and 1.4 in stress are wanted; for the latter stress has to be linear over
+    support domains."""
     found = np.array([errors(kind, n, per_cell) for n in CELLS])
     u, σ = np.log2(found[0] / found[-1]) / 2
     misses = kind is DM_GC
@@ -105,7 +137,8 @@ def test_orders(kind, per_cell, record):
 
 
 def test_without_crossings_dm_gc_is_of_second_order():
-    """A tenth of the amplitude, so that points hardly leave their cells: the order that noise hides is there."""
+    """A tenth of the amplitude, so that points hardly leave their cells: the order that noise hides
+    is there."""
     found = np.array([errors(DM_GC, n, size=0.1) for n in CELLS])
     assert (np.log2(found[0] / found[-1]) / 2 > 1.9).all()
 

@@ -1,6 +1,7 @@
 """Case 15, bodies that meet, each with a motion of its own (``Contact``).
 
-Exact: d'Alembert in bars that meet, small strain; bars in series through a gap; the weight of a block.
+Exact: d'Alembert in bars that meet, small strain; bars in series through a gap; the weight of a
+block.
 """
 
 import sys
@@ -33,13 +34,20 @@ from mpm_fenicsx import (
 pytestmark = pytest.mark.validation
 
 CASE = "15 two bodies with Contact"
-GAINS = "composite strain on linear weights: a bar with a step in its velocity gains energy, alone as well"
-THROWN = "linear weights: a corner in a cell without its points is thrown out of the grid, or a point inside out"
+GAINS = (
+    "composite strain on linear weights: a bar with a step in its velocity gains "
+    "energy, alone as well"
+)
+THROWN = (
+    "linear weights: a corner in a cell without its points is thrown out of the grid, "
+    "or a point inside out"
+)
 
 
 @MAPPED
 def test_two_bodies_meet_and_part(mapping, record):
-    """Bars of 8 cells, 3 cells apart, at 1 % of c: the scene in which one field of velocity holds them together."""
+    """Bars of 8 cells, 3 cells apart, at 1 % of c: the scene in which one field of velocity holds
+    them together."""
     n, gap, speed = 8, 3.0, 0.005
     before = gap / n / (2 * speed)
     run = two_bars.bars("equal", mapping, n, 0.5, gap=gap, speed=speed)
@@ -61,7 +69,9 @@ def test_two_bodies_meet_and_part(mapping, record):
 @MAPPED
 def test_equal_bars(mapping, record):
     """Cells of L/40: stress at the faces, how long it lasts, velocities, energy."""
-    shown = two_bars.figures("equal", two_bars.history(two_bars.bars("equal", mapping, 40, 0.5, 0.3), 40))
+    shown = two_bars.figures(
+        "equal", two_bars.history(two_bars.bars("equal", mapping, 40, 0.5, 0.3), 40)
+    )
     record(f"{CASE}: velocities exchanged, L/40", mapping, shown["velocity"])
     record(f"{CASE}: stress at the faces", mapping, shown["middle"])
     record(f"{CASE}: how long they touch", mapping, abs(shown["duration"] / 2.0 - 1.0))
@@ -76,26 +86,44 @@ def test_equal_bars(mapping, record):
 @MAPPED
 def test_unequal_bars(mapping, record):
     """A bar that meets one of twice its length at rest gives it all its momentum."""
-    shown = two_bars.figures("unequal", two_bars.history(two_bars.bars("unequal", mapping, 40, 0.5, 0.3), 40, 3.8))
+    shown = two_bars.figures(
+        "unequal", two_bars.history(two_bars.bars("unequal", mapping, 40, 0.5, 0.3), 40, 3.8)
+    )
     record(f"{CASE}: unequal bars, velocities, L/40", mapping, shown["velocity"])
     assert shown["velocity"] < 0.02 and shown["momentum"] < 1e-12
 
 
 @MAPPED
 def test_bars_in_series(mapping, record):
-    """Statics: p stretches a bar through a gap g against one a hundred times stiffer, q = (p a − g)/(a + b)."""
+    """Statics: p stretches a bar through a gap g against one a hundred times stiffer, q = (p a −
+    g)/(a + b)."""
     h, na, nb, p, ratio = 0.25, 8, 12, 2e3, 100.0
     a, b = na * h / 20e6, nb * h / (20e6 * ratio)
     g = 0.5 * p * a
     grid = Grid.box((0, 0), ((na + nb) * h, 2 * h), (na + nb, 2))
-    left, right = (MaterialPoints.fill(grid, LinearElastic(E, 0.0, 1500.0), 4,
-                                       inside=lambda x, k=k: (x[0] < na * h) == (k == 0))
-                   for k, E in enumerate((20e6, 20e6 * ratio)))
+    left, right = (
+        MaterialPoints.fill(
+            grid,
+            LinearElastic(E, 0.0, 1500.0),
+            4,
+            inside=lambda x, k=k: (x[0] < na * h) == (k == 0),
+        )
+        for k, E in enumerate((20e6, 20e6 * ratio))
+    )
     for value in (left.x[:, 0], left.half[:, 0], left.volume):
         value *= 1.0 - g / (na * h)
-    end, start, smooth = left.surface("right"), right.surface("left"), Fixed(grid.facets("bottom", "top"), "y")
-    one = Simulation(grid, left, QuasiStatic(4), [smooth, Fixed(grid.facets("left")),
-                                                  Traction(end, lambda t: (p * t, 0.0))], mapping)
+    end, start, smooth = (
+        left.surface("right"),
+        right.surface("left"),
+        Fixed(grid.facets("bottom", "top"), "y"),
+    )
+    one = Simulation(
+        grid,
+        left,
+        QuasiStatic(4),
+        [smooth, Fixed(grid.facets("left")), Traction(end, lambda t: (p * t, 0.0))],
+        mapping,
+    )
     two = Simulation(grid, right, QuasiStatic(4), [smooth, Fixed(grid.facets("right"))], mapping)
     run = Contact((one, end), (two, start))
     run.until(1.0)
@@ -107,12 +135,17 @@ def test_bars_in_series(mapping, record):
 
 @MAPPED
 def test_a_block_rests_and_slides(mapping, record):
-    """Gravity comes within ten swings; then the force is the weight in the mean, and sliding goes on."""
+    """Gravity comes within ten swings; then the force is the weight in the mean, and sliding goes
+    on."""
     h, soil, slide = 0.25, LinearElastic(20e6, 0.3, 1500.0), 0.5
     grid, stepping = Grid.box((0, 0), (16 * h, 7 * h), (16, 7)), Newmark(0.5 * h / soil.p_speed)
     base = MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] < 3 * h)
-    block = MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x[1] > 3 * h) & (x[1] < 5 * h) & (x[0] > 3 * h)
-                                & (x[0] < 7 * h))
+    block = MaterialPoints.fill(
+        grid,
+        soil,
+        4,
+        inside=lambda x: (x[1] > 3 * h) & (x[1] < 5 * h) & (x[0] > 3 * h) & (x[0] < 7 * h),
+    )
     block.velocity = np.tile([slide, 0.0], (len(block), 1))
     steps = 400
     weight = Gravity(lambda t: (0.0, -9.81 * min(1.0, t / (steps * stepping.dt))))
@@ -123,13 +156,18 @@ def test_a_block_rests_and_slides(mapping, record):
     if mapping in (MPM, CMPM):
         for what in ("weight", "velocity"):
             record(f"{CASE}: {what} of a sliding block", mapping, None, THROWN)
-        with pytest.raises(RunError, match=r"lies outside the grid|turns inside out|forces not found"):
+        with pytest.raises(
+            RunError, match=r"lies outside the grid|turns inside out|forces not found"
+        ):
             run.until(2 * steps * stepping.dt)
         return
     for _ in range(2 * steps):
         run.step()
         found.append(run.forces[0] / (9.81 * block.mass.sum()))
-    error, kept = abs(np.mean(found[steps:], axis=0)[1] - 1.0), abs(block.velocity[:, 0].mean() / slide - 1.0)
+    error, kept = (
+        abs(np.mean(found[steps:], axis=0)[1] - 1.0),
+        abs(block.velocity[:, 0].mean() / slide - 1.0),
+    )
     record(f"{CASE}: weight of a sliding block", mapping, error)
     record(f"{CASE}: velocity of a sliding block", mapping, kept)
     assert error < 5e-3 and kept < 1e-3

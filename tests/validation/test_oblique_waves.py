@@ -1,7 +1,9 @@
-"""Case 9: plane waves meet viscous dashpots aslant; the energy that comes back is that of ``exact.dashpot_echo``.
+"""Case 9: plane waves meet viscous dashpots aslant; the energy that comes back is that of
+``exact.dashpot_echo``.
 
-Two waves at ±θ together leave the lines x = 0 and x = π/k_x straight and without shear: smooth walls half a wave apart
-are the whole plane.  A packet of finite length has a spectrum of angles, over which the exact answer is averaged.
+Two waves at ±θ together leave the lines x = 0 and x = π/k_x straight and without shear: smooth
+walls half a wave apart are the whole plane.  A packet of finite length has a spectrum of angles,
+over which the exact answer is averaged.
 """
 
 from itertools import product
@@ -29,13 +31,17 @@ from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 
 pytestmark = pytest.mark.validation
 
-TIRES = "the matrix is stiffer than what points give back, and more so as cells lock: loss of energy, first order in Δt"
+TIRES = (
+    "the matrix is stiffer than what points give back, and more so as cells lock: loss "
+    "of energy, first order in Δt"
+)
 
 CELLS = 16  # a wavelength
 
 
 class Packet:
-    """Plane waves of one kind that go down between walls, Gaussian in k_y: displacement, its gradient and velocity.
+    """Plane waves of one kind that go down between walls, Gaussian in k_y: displacement, its
+    gradient and velocity.
 
     Lengths in cells, which are 1 m; ``start`` the height of its middle, ``spread`` its length.
     """
@@ -58,31 +64,49 @@ class Packet:
         return weight @ [dashpot_echo(θ, self.poisson, self.wave) for θ in angle] / weight.sum()
 
     def at(self, x):
-        """Displacement (n, 2), its gradient (n, 2, 2), velocity, acceleration at time 0; waves cos(k_y y + ωt)."""
+        """Displacement (n, 2), its gradient (n, 2, 2), velocity, acceleration at time 0; waves
+        cos(k_y y + ωt)."""
         phase = np.outer(x[:, 1] - self.start, self.ky)
         c, s = self.a * np.cos(phase), self.a * np.sin(phase)
-        X, Y, kx, ky, ω = np.cos(self.kx * x[:, 0]), np.sin(self.kx * x[:, 0]), self.kx, self.ky, self.ω
+        X, Y, kx, ky, ω = (
+            np.cos(self.kx * x[:, 0]),
+            np.sin(self.kx * x[:, 0]),
+            self.kx,
+            self.ky,
+            self.ω,
+        )
         if self.wave == "P":  # the gradient of cos kx x cos(...)
+
             def field(c, s):
                 return np.stack((-kx * Y * c.sum(1), -X * (s @ ky)), 1)
 
-            gradient = [[-(kx**2) * X * c.sum(1), kx * Y * (s @ ky)], [kx * Y * (s @ ky), -X * (c @ ky**2)]]
+            gradient = [
+                [-(kx**2) * X * c.sum(1), kx * Y * (s @ ky)],
+                [kx * Y * (s @ ky), -X * (c @ ky**2)],
+            ]
         else:  # the curl of sin kx x cos(...), for normal incidence of cos kx x cos(...)
             S, C, sign = (Y, X, kx) if kx else (X, Y, 0.0)
 
             def field(c, s):
                 return np.stack((-S * (s @ ky), -sign * C * c.sum(1)), 1)
 
-            gradient = [[-sign * C * (s @ ky), -S * (c @ ky**2)], [sign**2 * S * c.sum(1), sign * C * (s @ ky)]]
+            gradient = [
+                [-sign * C * (s @ ky), -S * (c @ ky**2)],
+                [sign**2 * S * c.sum(1), sign * C * (s @ ky)],
+            ]
         v, a = field(-ω * s, ω * c), field(-(ω**2) * c, -(ω**2) * s)
         return field(c, s), np.moveaxis(np.array(gradient), -1, 0), v, a
 
 
 def sent(mapping, wave, degrees, poisson, courant=0.5, **keywords):
-    """The packet as it is sent down: the run, its energy, the packet, and how long until what comes back is up."""
+    """The packet as it is sent down: the run, its energy, the packet, and how long until what comes
+    back is up."""
     soil, spread = LinearElastic(20e6, poisson, 1500.0), 0.8 * CELLS
     packet = Packet(soil, wave, degrees, 4 * spread, spread)
-    height, wait = round(12 * spread), 7 if degrees > 50 else 5  # the shallow waves of the packet come late
+    height, wait = (
+        round(12 * spread),
+        7 if degrees > 50 else 5,
+    )  # the shallow waves of the packet come late
     side = "y" if wave == "S" and not degrees else "x"
     stepping = Newmark(courant / packet.speed)
     size = 1e-6
@@ -102,14 +126,21 @@ def sent(mapping, wave, degrees, poisson, courant=0.5, **keywords):
         rows[:, 0], rows[:, 1], rows[:, 3] = strain[:, 0, 0], strain[:, 1, 1], 2 * strain[:, 0, 1]
         body.stress = soil.update(rows, body.stress)
         body.velocity, body.acceleration = size * v, size * a
-        run = Simulation(grid, body, stepping, [Fixed(grid.facets("left", "right"), side),
-                                                Viscous(body.surface("bottom"), soil)], mapping, **keywords)
+        run = Simulation(
+            grid,
+            body,
+            stepping,
+            [Fixed(grid.facets("left", "right"), side), Viscous(body.surface("bottom"), soil)],
+            mapping,
+            **keywords,
+        )
     way = packet.start + wait * spread
     return run, run.record(Energy()), packet, way / packet.speed / np.cos(np.radians(degrees))
 
 
 def energy_back(*scene, **keywords):
-    """Part of the energy left when the packet has gone down and what comes back has gone up; and the exact one."""
+    """Part of the energy left when the packet has gone down and what comes back has gone up; and
+    the exact one."""
     run, energy, packet, time = sent(*scene, **keywords)
     for _ in range(int(time / run.stepping.dt)):
         run.step()
@@ -117,13 +148,23 @@ def energy_back(*scene, **keywords):
 
 
 @pytest.mark.parametrize("wave", ["P", "S"])
-@pytest.mark.parametrize("mapping, steep, poisson", [*product((None, *TILING), (False, True), (0.25, 0.41)),
-                                                     *product(LINEAR, (False,), (0.25,))], ids=str)
+@pytest.mark.parametrize(
+    "mapping, steep, poisson",
+    [*product((None, *TILING), (False, True), (0.25, 0.41)), *product(LINEAR, (False,), (0.25,))],
+    ids=str,
+)
 def test_energy_that_comes_back(mapping, steep, poisson, wave, record):
     """The error is a part of the energy that arrived; of angles up to 40° the largest."""
-    angles = (60,) if steep else (0, 20, 40) if mapping in (None, DM_GC) and poisson == 0.25 else (40,)
-    error = max(abs(np.subtract(*energy_back(mapping, wave, degrees, poisson))) for degrees in angles)
-    case = f"9 {wave} waves on dashpots, ν = {poisson:g}, {'60' if steep else 'up to 40'}°: energy back"
+    angles = (
+        (60,) if steep else (0, 20, 40) if mapping in (None, DM_GC) and poisson == 0.25 else (40,)
+    )
+    error = max(
+        abs(np.subtract(*energy_back(mapping, wave, degrees, poisson))) for degrees in angles
+    )
+    case = (
+        f"9 {wave} waves on dashpots, ν = {poisson:g}, {'60' if steep else 'up to 40'}°: "
+        "energy back"
+    )
     slack = mapping in LINEAR
     tired = not slack and mapping and mapping.composite and wave == "S" and poisson == 0.41
     record(case, mapping, error, SLACK if slack else TIRES if tired else "")
@@ -144,8 +185,11 @@ def test_b_bar_brings_shear_waves_back(mapping, record):
 
 @over(*TILING)
 def test_balanced_accelerations_bring_shear_waves_back(mapping, record):
-    """Of DM-GC and DM-GCL to the exact echo, 11.9 %; those of linear strain are 0.2 % off for their dispersion."""
-    error = abs(np.subtract(*energy_back(mapping, "S", 60, 0.41, correction=AccelerationCorrection.LUMPED)))
+    """Of DM-GC and DM-GCL to the exact echo, 11.9 %; those of linear strain are 0.2 % off for their
+    dispersion."""
+    error = abs(
+        np.subtract(*energy_back(mapping, "S", 60, 0.41, correction=AccelerationCorrection.LUMPED))
+    )
     record("9 S waves on dashpots, ν = 0.41, 60°, balanced: energy back", mapping, error)
     assert error < (0.001 if mapping.composite else 0.003)
 
@@ -153,8 +197,10 @@ def test_balanced_accelerations_bring_shear_waves_back(mapping, record):
 def test_what_shear_waves_lose_aslant_is_of_first_order_in_the_step_and_of_locking():
     """Over a way of 10 cells, before they come to the dashpots: 3 %, with B-bar a fifth of it.
 
-    Plain MPM, while no point crosses a cell, has the matrix of its force: it loses what a sweep leaves of averaging.
+    Plain MPM, while no point crosses a cell, has the matrix of its force: it loses what a sweep
+    leaves of averaging.
     """
+
     def lost(courant=0.5, b_bar=False, mapping=DM_GC):
         run, energy, _, _ = sent(mapping, "S", 60, 0.41, courant, b_bar=b_bar)
         for _ in range(round(20 / courant)):

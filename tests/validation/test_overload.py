@@ -1,7 +1,9 @@
-"""The strip of demos/foundation.py overloaded: 60 kPa and held, on soil that softens from c = 10 to 3 kPa.
+"""The strip of demos/foundation.py overloaded: 60 kPa and held, on soil that softens from c = 10 to
+3 kPa.
 
-No equilibrium: the soil bears (2 + π) c = 51 kPa at its peak, and softened, however deep, at most (2 + 2π) c = 25 kPa.
-A right run goes on sinking and finds the work of the load again, less what its steps dissipate.
+No equilibrium: the soil bears (2 + π) c = 51 kPa at its peak, and softened, however deep, at most
+(2 + 2π) c = 25 kPa. A right run goes on sinking and finds the work of the load again, less what its
+steps dissipate.
 """
 
 import sys
@@ -20,15 +22,21 @@ import overload
 pytestmark = pytest.mark.validation
 
 STOPS = {GIMP: NOT_DERIVED, CMPM: STRAINS_APART}
-BEARS_MORE = "a traction is per area as it is: the crater's walls stretch, bear more, and stretch the faster (DeadLoad)"
+BEARS_MORE = (
+    "a traction is per area as it is: the crater's walls stretch, bear more, and "
+    "stretch the faster (DeadLoad)"
+)
 
 
-@pytest.mark.parametrize(("mapping", "dt"), [*product((None, *POINTS), (5e-3,)), *product((DM_G, DM_GC), (1.25e-3,))],
-                         ids=name)
+@pytest.mark.parametrize(
+    ("mapping", "dt"),
+    [*product((None, *POINTS), (5e-3,)), *product((DM_G, DM_GC), (1.25e-3,))],
+    ids=name,
+)
 def test_the_strip_sinks_on_and_its_energy_balances(mapping, dt, record):
-    """What steps of 5 ms dissipate, a tenth of the work, falls with them.  Of DM-GC a gain of 4 % of the work is left,
-    for its composite strain is not the one that its force works on.  Finite elements, whose
-    velocities stay on the grid, lose none."""
+    """What steps of 5 ms dissipate, a tenth of the work, falls with them.  Of DM-GC a gain of 4 %
+    of the work is left, for its composite strain is not the one that its force works on.  Finite
+    elements, whose velocities stay on the grid, lose none."""
     row = overload.measure(mapping, cell=0.25, dt=dt)
     lost = np.array(row["lost_j"]) / row["work_j"][-1]
     case = f"15 strip overloaded to 60 kPa, Δt = {1e3 * dt:g} ms: work not found"
@@ -41,8 +49,12 @@ def test_the_strip_sinks_on_and_its_energy_balances(mapping, dt, record):
     t, down = np.array(row["t"]), np.array(row["settlement_m"])
     assert down[-1] > 0.9
     assert (np.diff(down[t > 0.3]) > 0.0).all()
-    assert mapping is None or row["half_per_cell"] > 0.7  # domains have outgrown the half cell where they end
-    assert abs(lost).max() < (1e-3 if mapping is None else 0.06 if dt < 5e-3 else 0.15 if mapping in LINEAR else 0.12)
+    assert (
+        mapping is None or row["half_per_cell"] > 0.7
+    )  # domains have outgrown the half cell where they end
+    assert abs(lost).max() < (
+        1e-3 if mapping is None else 0.06 if dt < 5e-3 else 0.15 if mapping in LINEAR else 0.12
+    )
 
 
 @over(*POINTS)
@@ -61,22 +73,36 @@ def test_below_its_capacity_it_stands(mapping, record):
     row = overload.measure(mapping, until=1.2, pressure=45e3, cell=0.125, law=law)
     t, down = np.array(row["t"]), np.array(row["settlement_m"])
     drift = abs(down[t > 0.9].mean() - down[(t > 0.6) & (t <= 0.9)].mean())
-    record("15 strip at 45 of 51 kPa: drift in 0.3 s, of the settlement", mapping, drift / down.max())
+    record(
+        "15 strip at 45 of 51 kPa: drift in 0.3 s, of the settlement", mapping, drift / down.max()
+    )
     assert row["stopped"] is None
     assert down.max() < (0.1 if mapping in LINEAR else 0.08)
     assert drift < 0.003
 
 
-@pytest.mark.parametrize("mapping, load, note", [
-    (DM_GC, Traction, BEARS_MORE), (GIMP, DeadLoad, NOT_DERIVED), (MPM, DeadLoad, FLIES)], ids=str)
+@pytest.mark.parametrize(
+    "mapping, load, note",
+    [(DM_GC, Traction, BEARS_MORE), (GIMP, DeadLoad, NOT_DERIVED), (MPM, DeadLoad, FLIES)],
+    ids=str,
+)
 def test_what_breaks_down_says_so(mapping, load, note, record):
     row = overload.measure(mapping, load, cell=0.125)
     lost = row["lost_j"][-1] / row["work_j"][-1]
-    record(f"15 strip overloaded to 60 kPa, {load.__name__}, h = 0.125 m: work not found", mapping, abs(lost), note)
-    words = {DM_GC: "turns inside out", GIMP: "Newton does not converge", MPM: "turns inside out"}[mapping]
+    record(
+        f"15 strip overloaded to 60 kPa, {load.__name__}, h = 0.125 m: work not found",
+        mapping,
+        abs(lost),
+        note,
+    )
+    words = {DM_GC: "turns inside out", GIMP: "Newton does not converge", MPM: "turns inside out"}[
+        mapping
+    ]
     assert words in row["stopped"]
     if load is Traction:
         assert row["t"][-1] > 0.6
         assert row["area_m2"][len(row["t"]) - 1] > 10.0
-        assert row["work_j"][-1] > 10 * 60e3 * max(row["settlement_m"])  # the load's own, not energy out of nothing
+        assert row["work_j"][-1] > 10 * 60e3 * max(
+            row["settlement_m"]
+        )  # the load's own, not energy out of nothing
         assert -0.05 < lost < 0.4

@@ -1,4 +1,5 @@
-"""Prandtl's strip collapses at (2 + π) c with B-bar, for every Poisson's ratio, and does not without."""
+"""Prandtl's strip collapses at (2 + π) c with B-bar, for every Poisson's ratio, and does not
+without."""
 
 import sys
 from pathlib import Path
@@ -24,7 +25,11 @@ pytestmark = pytest.mark.validation
 @over(None, *DOUBLE)
 def test_the_load_levels_off_at_prandtls(mapping, poisson, record):
     row = prandtl.measure(mapping or "FE", poisson, b_bar=True)
-    record(f"3 Prandtl, B-bar, ν = {poisson:g}: collapse load", mapping, abs(row["error_percent"]) / 100)
+    record(
+        f"3 Prandtl, B-bar, ν = {poisson:g}: collapse load",
+        mapping,
+        abs(row["error_percent"]) / 100,
+    )
     assert row["stopped"] is None
     assert abs(row["error_percent"]) < 3.0
     assert abs(row["growth_percent"]) < 0.1
@@ -46,7 +51,9 @@ def test_without_b_bar_soil_that_keeps_its_volume_locks(mapping, poisson, record
     assert row["error_percent"] > 5.0
     assert row["growth_percent"] > 0.4
     factor = 5.0 if mapping is None else 1.2 if mapping.composite else 4.0
-    assert poisson < 0.499 or (row["load_over_c"] > factor * prandtl.EXACT and row["growth_percent"] > 1.0)
+    assert poisson < 0.499 or (
+        row["load_over_c"] > factor * prandtl.EXACT and row["growth_percent"] > 1.0
+    )
 
 
 @pytest.mark.parametrize("method", prandtl.METHODS, ids=str)

@@ -26,8 +26,14 @@ pytestmark = pytest.mark.validation
 
 SOIL, H = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25
 DISC = "7 disc of 4 cells' radius, a turn"
-GROWTH = "small strain: a turn by θ reads as 1 - cos θ of compression, relieved by growth of 2π²/N a turn in N steps"
-STIFFLESS = "few points in a cut cell leave the matrix nearly singular: the linear solver's 1e-11 comes back as 1e-7"
+GROWTH = (
+    "small strain: a turn by θ reads as 1 - cos θ of compression, relieved by growth "
+    "of 2π²/N a turn in N steps"
+)
+STIFFLESS = (
+    "few points in a cut cell leave the matrix nearly singular: the linear solver's "
+    "1e-11 comes back as 1e-7"
+)
 
 
 @MAPPED
@@ -36,20 +42,29 @@ def test_a_translation_over_many_cells(dim, steps, mapping, record):
     way = np.array([0.31, 0.17, 0.11])[:dim] * H
     cells = (way / H * steps).astype(int) + 6
     grid = Grid.box((0,) * dim, cells * H, cells)
-    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: ((x > H) & (x < 3 * H)).all(axis=0))
+    body = MaterialPoints.fill(
+        grid, SOIL, 2**dim, inside=lambda x: ((x > H) & (x < 3 * H)).all(axis=0)
+    )
     stepping, start = Newmark(5 * H / SOIL.p_speed), body.x.copy()
     body.velocity = np.tile(way / stepping.dt, (len(body), 1))
     run = Simulation(grid, body, stepping, [], mapping)
     try:
         run.until(steps * stepping.dt)
         stress = np.abs(body.stress).max() / SOIL.young
-        momentum = np.abs(body.mass @ body.velocity / (body.mass.sum() * way / stepping.dt) - 1).max()
+        momentum = np.abs(
+            body.mass @ body.velocity / (body.mass.sum() * way / stepping.dt) - 1
+        ).max()
         error = max(stress, momentum, np.abs(body.x - start - steps * way).max() / H)
     except RunError:
         error = np.inf
     grows = mapping is CMPM and dim == 3
     case = f"7 translation, {dim}D, over {cells[0] - 6} cells: stress/E, momentum, path"
-    record(case, mapping, error, UNSTABLE if grows else STIFFLESS if mapping is MPM and dim == 3 else "")
+    record(
+        case,
+        mapping,
+        error,
+        UNSTABLE if grows else STIFFLESS if mapping is MPM and dim == 3 else "",
+    )
     if grows:
         assert error > 1e-3
     elif mapping is MPM and dim == 3:
@@ -59,15 +74,23 @@ def test_a_translation_over_many_cells(dim, steps, mapping, record):
 
 
 def turn(mapping, steps, turns=1.0, dim=2, cells=4):
-    """A disc (or a cylinder, two cells thick) of radius 1 m in so many cells turns, its rim at 1 % of c_p.
+    """A disc (or a cylinder, two cells thick) of radius 1 m in so many cells turns, its rim at 1 %
+    of c_p.
 
-    Change of angular momentum, growth of the radius of gyration, largest stress over E, drift over the rim's speed.
+    Change of angular momentum, growth of the radius of gyration, largest stress over E, drift over
+    the rim's speed.
     """
     h, n = 1.0 / cells, cells + 2
     deep = dim - 2
-    grid = Grid.box((-n * h,) * 2 + (-h,) * deep, (n * h,) * 2 + (3 * h,) * deep, [2 * n] * 2 + [4] * deep)
-    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: (np.hypot(x[0], x[1]) < 1)
-                               & (abs(x[-1] - h) < (h if dim == 3 else 9)))
+    grid = Grid.box(
+        (-n * h,) * 2 + (-h,) * deep, (n * h,) * 2 + (3 * h,) * deep, [2 * n] * 2 + [4] * deep
+    )
+    body = MaterialPoints.fill(
+        grid,
+        SOIL,
+        2**dim,
+        inside=lambda x: (np.hypot(x[0], x[1]) < 1) & (abs(x[-1] - h) < (h if dim == 3 else 9)),
+    )
     ω = 0.01 * SOIL.p_speed
     arm = body.x[:, :2].copy()
     body.velocity, body.acceleration = np.zeros_like(body.x), np.zeros_like(body.x)
@@ -91,13 +114,28 @@ def turn(mapping, steps, turns=1.0, dim=2, cells=4):
 
 @MAPPED
 def test_a_disc_turns_once(mapping, record):
-    """Stress stays of the size of ρω²R² = 1.2e-4 E; what a turn adds is growth, of first order in Δt."""
+    """Stress stays of the size of ρω²R² = 1.2e-4 E; what a turn adds is growth, of first order in
+    Δt."""
     spin, growth, stress, drift = np.array([turn(mapping, steps) for steps in (400, 800)]).T
     fed, stops = mapping is DM_GCL, mapping is CMPM
-    record(f"{DISC} in 400 steps: angular momentum", mapping, abs(spin[0]),
-           UNSTABLE if stops else GROWTH)
-    record(f"{DISC} in 400 steps: growth of the radius", mapping, growth[0], UNSTABLE if stops else GROWTH)
-    record(f"{DISC} in 400 or 800 steps: stress/E", mapping, stress.max(), UNSTABLE if stops else FED if fed else "")
+    record(
+        f"{DISC} in 400 steps: angular momentum",
+        mapping,
+        abs(spin[0]),
+        UNSTABLE if stops else GROWTH,
+    )
+    record(
+        f"{DISC} in 400 steps: growth of the radius",
+        mapping,
+        growth[0],
+        UNSTABLE if stops else GROWTH,
+    )
+    record(
+        f"{DISC} in 400 or 800 steps: stress/E",
+        mapping,
+        stress.max(),
+        UNSTABLE if stops else FED if fed else "",
+    )
     if stops:
         assert not np.isfinite(growth).any()
         return
@@ -111,8 +149,12 @@ def test_a_disc_turns_once(mapping, record):
 @MAPPED
 def test_a_cylinder_turns_a_quarter(mapping, record):
     spin, growth, stress, drift = turn(mapping, 200, 0.25, 3)
-    record("7 cylinder, a quarter turn in 50 steps: angular momentum", mapping, abs(spin),
-           UNSTABLE if mapping is CMPM else GROWTH)
+    record(
+        "7 cylinder, a quarter turn in 50 steps: angular momentum",
+        mapping,
+        abs(spin),
+        UNSTABLE if mapping is CMPM else GROWTH,
+    )
     if mapping is CMPM:
         assert not np.isfinite(growth)
         return
@@ -123,13 +165,20 @@ def test_a_cylinder_turns_a_quarter(mapping, record):
 
 @pytest.mark.parametrize("sweeps", [0, 1])
 @MAPPED
-def test_a_free_block_that_vibrates_keeps_its_momentum_and_does_not_gain_energy(mapping, sweeps, record):
-    """4 by 3 cells, set off by cos πx/L, at rest as a whole, 0 and 0.3 cells off the grid lines, Courant 0.5."""
+def test_a_free_block_that_vibrates_keeps_its_momentum_and_does_not_gain_energy(
+    mapping, sweeps, record
+):
+    """4 by 3 cells, set off by cos πx/L, at rest as a whole, 0 and 0.3 cells off the grid lines,
+    Courant 0.5."""
     worst, gain = 0.0, 0.0
     for offset in (0.0, 0.3):
         grid = Grid.box((0, 0), (12 * H, 6 * H), (12, 6))
-        body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] > 2 * H) & (x[0] < 6 * H)
-                                   & (x[1] > H) & (x[1] < 4 * H))
+        body = MaterialPoints.fill(
+            grid,
+            SOIL,
+            4,
+            inside=lambda x: (x[0] > 2 * H) & (x[0] < 6 * H) & (x[1] > H) & (x[1] < 4 * H),
+        )
         body.velocity = np.zeros_like(body.x)
         body.velocity[:, 0] = 1e-5 * SOIL.p_speed * np.cos(np.pi * (body.x[:, 0] / H - 2) / 4)
         body.x += offset * H
@@ -144,7 +193,9 @@ def test_a_free_block_that_vibrates_keeps_its_momentum_and_does_not_gain_energy(
             break
         worst = max(worst, np.abs(body.mass @ body.velocity - before).max() / scale.max())
         early, late = (part.max() for part in np.array_split(energy.left, 2))
-        gain = max(gain, late / early - 1)  # at any one time the energy of a strain on so few cells is up to 9 % off
+        gain = max(
+            gain, late / early - 1
+        )  # at any one time the energy of a strain on so few cells is up to 9 % off
     grows = mapping is DM_C or (mapping in (CMPM, DM) and sweeps == 1)
     case = f"7 free block vibrates for 1,000 steps, sweeps={sweeps}"
     record(f"{case}: momentum", mapping, worst, UNSTABLE if grows else "")

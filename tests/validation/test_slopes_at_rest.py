@@ -1,8 +1,10 @@
-"""Case 11 on bodies of any shape: slope, step, embankment, block with free sides, at three places on the grid.
+"""Case 11 on bodies of any shape: slope, step, embankment, block with free sides, at three places
+on the grid.
 
-Exact: at rest the base bears the weight, and when it and the walls become dashpots that bear what they bore, nothing
-moves.  A block that stands on dashpots and on what its base bore, with no springs, tilts for good: the moment of its
-weight m g H/2 θ against the dashpots' Z W³/12 dθ/dt gives exp(0.83 t/s) here, which is seen to grow from 1e-11.
+Exact: at rest the base bears the weight, and when it and the walls become dashpots that bear what
+they bore, nothing moves.  A block that stands on dashpots and on what its base bore, with no
+springs, tilts for good: the moment of its weight m g H/2 θ against the dashpots' Z W³/12 dθ/dt
+gives exp(0.83 t/s) here, which is seen to grow from 1e-11.
 """
 
 import numpy as np
@@ -20,10 +22,16 @@ PLACES = (0.0, 0.15, 0.3)  # of a cell
 @pytest.mark.parametrize("name", BODIES)
 @pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC, DM_GCL], ids=str)
 def test_it_settles_and_then_stays(name, mapping, record):
-    """Von Mises that yields at the foot; with DM-GC elastic as well, at all places: the largest of them."""
+    """Von Mises that yields at the foot; with DM-GC elastic as well, at all places: the largest of
+    them."""
     scenes = [(PLACES[-1], WEAK_BLOCK if name == "block" else WEAK)]
     scenes += [(place, SOIL) for place in PLACES] if mapping is DM_GC else []
-    judge(name, [stays(AtRest(name, offset, mapping, soil)) for offset, soil in scenes], mapping, record)
+    judge(
+        name,
+        [stays(AtRest(name, offset, mapping, soil)) for offset, soil in scenes],
+        mapping,
+        record,
+    )
 
 
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
@@ -37,8 +45,8 @@ def test_in_3d(mapping, record):
 
 
 def stays(rest, steps=STEPS):
-    """What the base lacks of the weight, the largest velocity (of gH/c), and that of the later half of the steps where
-    it is larger than before."""
+    """What the base lacks of the weight, the largest velocity (of gH/c), and that of the later half
+    of the steps where it is larger than before."""
     lacks, run, fastest = abs(rest.borne()[1] - 1.0), rest.release(), []
     assert rest.left <= 1e-10
     for _ in range(steps):
@@ -49,8 +57,8 @@ def stays(rest, steps=STEPS):
 
 
 def judge(name, found, mapping, record):
-    """No velocity above 1e-4 gH/c, and none that grows, but from nothing to the drift of what ``settle`` leaves, 1e-10
-    of the forces at work."""
+    """No velocity above 1e-4 gH/c, and none that grows, but from nothing to the drift of what
+    ``settle`` leaves, 1e-10 of the forces at work."""
     lacks, fastest, grown = np.max(found, axis=0)
     record(f"11 {name} at rest: weight that the base does not bear", mapping, lacks)
     record(f"11 {name}, fixed edges to dashpots: largest velocity, of gH/c", mapping, fastest)

@@ -1,6 +1,8 @@
-"""Case 13: a body's edge lies 1e-2 … 1e-8 of a cell beyond a grid line, under a traction that misses its stress by 1 %.
+"""Case 13: a body's edge lies 1e-2 … 1e-8 of a cell beyond a grid line, under a traction that
+misses its stress by 1 %.
 
-Exact in statics: the stress becomes the traction's, and the edge moves by the strain of the difference.
+Exact in statics: the stress becomes the traction's, and the edge moves by the strain of the
+difference.
 """
 
 import dense
@@ -14,19 +16,27 @@ pytestmark = pytest.mark.validation
 
 SOIL, H, N, STRESS, MISS = dense.SOIL, 0.25, 4, 100e3, 0.01
 CUTS = (1e-2, 1e-4, 1e-6, 1e-8)
-LOST = "points without extent do not reach the cut cell: of the traction on it, the part `cut` falls on empty nodes"
+LOST = (
+    "points without extent do not reach the cut cell: of the traction on it, the part "
+    "`cut` falls on empty nodes"
+)
 
 
 def block(mapping, cut, stepping):
-    """A block in even tension, N + cut cells wide and high, smooth walls to the left and below, or free in dynamics."""
+    """A block in even tension, N + cut cells wide and high, smooth walls to the left and below, or
+    free in dynamics."""
     beyond = 2 * H if stepping.dynamic else 0.0
-    grid = Grid.box((-beyond, -beyond), ((N + 2) * H, (N + 2) * H), [N + (4 if stepping.dynamic else 2)] * 2)
+    grid = Grid.box(
+        (-beyond, -beyond), ((N + 2) * H, (N + 2) * H), [N + (4 if stepping.dynamic else 2)] * 2
+    )
     body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: ((x > 0) & (x < N * H)).all(axis=0))
     if stepping.dynamic:
         body.x += cut * H
     else:  # a little larger, to end there
         factor = 1 + cut / N
-        body = MaterialPoints(SOIL, factor * body.x, factor * body.half, factor**2 * body.volume, exposed=body.exposed)
+        body = MaterialPoints(
+            SOIL, factor * body.x, factor * body.half, factor**2 * body.volume, exposed=body.exposed
+        )
     body.stress[:, :3] = STRESS * np.array([1.0, 1.0, 2 * SOIL.poisson])
     pulls = {"right": 1 + MISS, "top": 1 + MISS}
     if stepping.dynamic:
@@ -34,7 +44,9 @@ def block(mapping, cut, stepping):
     else:
         terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
     surfaces = {side: body.surface(side) for side in pulls}
-    terms += [Traction(on, tuple(pulls[side] * STRESS * on.normal[0])) for side, on in surfaces.items()]
+    terms += [
+        Traction(on, tuple(pulls[side] * STRESS * on.normal[0])) for side, on in surfaces.items()
+    ]
     return Simulation(grid, body, stepping, terms, mapping), body, surfaces
 
 
@@ -78,7 +90,10 @@ def test_stress_and_displacement_are_those_of_the_traction(mapping, record):
 @MAPPED
 def test_the_scaled_matrix_stays_well_conditioned(mapping, record):
     """Whatever the cut it is that of the whole block: the ratio of the two is asked for."""
-    for name, stepping in (("statics", QuasiStatic(1)), ("Courant 0.5", Newmark(0.5 * H / SOIL.p_speed))):
+    for name, stepping in (
+        ("statics", QuasiStatic(1)),
+        ("Courant 0.5", Newmark(0.5 * H / SOIL.p_speed)),
+    ):
         whole, *cut = (condition(block(mapping, cut, stepping)[0]) for cut in (0.0, *CUTS))
         change = np.abs(np.array(cut) / whole - 1).max()
         record(f"13 small cut, change of the scaled matrix's condition, {name}", mapping, change)
@@ -88,7 +103,8 @@ def test_the_scaled_matrix_stays_well_conditioned(mapping, record):
 
 @MAPPED
 def test_nothing_is_lost(mapping, record):
-    """Momentum is the impulse of the 1 % (its pull ramps up in the first step), but for what the edge stretches."""
+    """Momentum is the impulse of the 1 % (its pull ramps up in the first step), but for what the
+    edge stretches."""
     steps, stepping = 10, Newmark(0.5 * H / SOIL.p_speed)
     impulse = MISS * STRESS * N * H * (steps - 0.5) * stepping.dt
     error = []
@@ -99,7 +115,12 @@ def test_nothing_is_lost(mapping, record):
             run.step()
         assert body.mass.sum() == mass
         error.append(np.abs(body.mass @ body.velocity / impulse - 1).max())
-    record("13 small cut, momentum after 10 steps", mapping, max(error), "" if mapping.support else LOST)
+    record(
+        "13 small cut, momentum after 10 steps",
+        mapping,
+        max(error),
+        "" if mapping.support else LOST,
+    )
     if mapping.support:
         assert max(error) < 3e-3
     else:

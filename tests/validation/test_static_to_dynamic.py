@@ -17,7 +17,9 @@ pytestmark = pytest.mark.validation
 def test_with_its_reactions_nothing_moves(mapping, record):
     column = Column(mapping)
     surfaces = column.surfaces(walls=False)
-    run = column.release(surfaces, column.static.reactions(*surfaces) + [Viscous(s, SOIL) for s in surfaces])
+    run = column.release(
+        surfaces, column.static.reactions(*surfaces) + [Viscous(s, SOIL) for s in surfaces]
+    )
     fastest = 0.0
     for _ in range(200):
         run.step()
@@ -30,9 +32,10 @@ def test_with_its_reactions_nothing_moves(mapping, record):
 def test_without_them_the_column_drifts(mapping, record):
     """All of it alike, once the unloading has been to the top and back three times.
 
-    What is left is the tail of the front: 2 % on 12 elements, a tenth of it where points average.  The base comes a
-    fifth of a cell past a grid line: there points of DM-GC scatter, but not where stress is linear over domains; those
-    without domains fall freely until they have crossed the line, too.
+    What is left is the tail of the front: 2 % on 12 elements, a tenth of it where points average.
+    The base comes a fifth of a cell past a grid line: there points of DM-GC scatter, but not where
+    stress is linear over domains; those without domains fall freely until they have crossed the
+    line, too.
     """
     column = Column(mapping)
     surfaces = column.surfaces(walls=False)
@@ -43,8 +46,12 @@ def test_without_them_the_column_drifts(mapping, record):
     while run.time < 0.2:
         run.step()
         error = max(error, np.abs(column.velocity(run)[:, 1] / -column.speed - 1).max())
-    record("11 static to dynamic without reactions: every point drifts at σ/(ρc)", mapping, error,
-           SLACK if mapping in LINEAR else "")
+    record(
+        "11 static to dynamic without reactions: every point drifts at σ/(ρc)",
+        mapping,
+        error,
+        SLACK if mapping in LINEAR else "",
+    )
     if mapping in LINEAR:
         assert error > 1.0
     else:

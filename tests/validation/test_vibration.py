@@ -1,4 +1,5 @@
-"""Case 6: a bar that vibrates freely in its first mode for 10,000 steps (50 periods, Courant number 0.5).
+"""Case 6: a bar that vibrates freely in its first mode for 10,000 steps (50 periods, Courant number
+0.5).
 
 Exact: u = (v₀/ω) sin βx sin ωt, β = π/2L, ω = β √(E/ρ); its energy stays.
 """
@@ -25,13 +26,20 @@ pytestmark = pytest.mark.validation
 SOIL, H, N, STEPS = LinearElastic(young=100e6, poisson=0.0, density=1500.0), 0.25, 20, 10_000
 BETA = np.pi / 2 / (N * H)
 OMEGA = BETA * SOIL.p_speed
-GAINS = "points take more force from the patch's strain than the matrix of (7) has: energy grows by up to 1e-3"
-LOSES = "points move 0.4 cells across edges, which costs energy; it never grows but for the first period's 1 %"
+GAINS = (
+    "points take more force from the patch's strain than the matrix of (7) has: energy "
+    "grows by up to 1e-3"
+)
+LOSES = (
+    "points move 0.4 cells across edges, which costs energy; it never grows but for the "
+    "first period's 1 %"
+)
 METHODS = [(None, 1), *((mapping, 1) for mapping in POINTS), (DM_GC, 0)]
 
 
 def vibrate(mapping, sweeps, strain, radius=1.0):
-    """Displacements (steps + 1,) of the bar's end over v₀/ω, their times, and the energy over that at the start."""
+    """Displacements (steps + 1,) of the bar's end over v₀/ω, their times, and the energy over that
+    at the start."""
     beyond = 0 if mapping is None else 2
     grid = Grid.box((0, 0), ((N + beyond) * H, H), (N + beyond, 1))
     terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
@@ -49,8 +57,14 @@ def vibrate(mapping, sweeps, strain, radius=1.0):
     energy, end, found = run.record(Energy()), np.argmax(x), [0.0]
     for _ in range(STEPS):
         run.step()
-        found.append(body.x[end, 0] - x[end] if mapping else run.motion.nodal(run.displacement)[end, 0])
-    return np.array(found) * OMEGA / v0 / np.sin(BETA * x[end]), energy.times, energy.left / energy.left[0]
+        found.append(
+            body.x[end, 0] - x[end] if mapping else run.motion.nodal(run.displacement)[end, 0]
+        )
+    return (
+        np.array(found) * OMEGA / v0 / np.sin(BETA * x[end]),
+        energy.times,
+        energy.left / energy.left[0],
+    )
 
 
 def maxima(energy):
@@ -73,7 +87,12 @@ def test_period_and_energy(mapping, sweeps, record):
     how = "" if sweeps else ", sweeps=0"
     gains = mapping is not None and mapping.composite and sweeps == 1
     record(f"6 vibration, 10,000 steps: period{how}", mapping, abs(period))
-    record(f"6 vibration, 10,000 steps: energy{how}", mapping, abs(energy[-1] - 1), GAINS if gains else "")
+    record(
+        f"6 vibration, 10,000 steps: energy{how}",
+        mapping,
+        abs(energy[-1] - 1),
+        GAINS if gains else "",
+    )
     assert abs(period) < 5e-4
     assert np.abs(energy - 1).max() < 0.01
     if gains:
@@ -83,30 +102,58 @@ def test_period_and_energy(mapping, sweeps, record):
         assert (np.diff(tenths) < 0).all()
     else:
         assert np.ptp(energy) < 1e-9
-        assert period == pytest.approx((OMEGA * (t[1] - t[0])) ** 2 / 12 - (BETA * H) ** 2 / 24, rel=0.01)
+        assert period == pytest.approx(
+            (OMEGA * (t[1] - t[0])) ** 2 / 12 - (BETA * H) ** 2 / 24, rel=0.01
+        )
 
 
 @pytest.mark.parametrize("radius, damping", [(0.9, 1.775e-8), (0.8, 5.411e-8)])
-def test_a_little_dissipation_and_the_energy_of_composite_strain_never_grows(radius, damping, record):
-    """Generalised α.  Known: the first mode has |λ| = 1 - 1.775e-8 (1 - 5.411e-8), by studies/amplification_map.py;
-    within a period the energy of the points goes up and down by 4e-4."""
+def test_a_little_dissipation_and_the_energy_of_composite_strain_never_grows(
+    radius, damping, record
+):
+    """Generalised α.  Known: the first mode has |λ| = 1 - 1.775e-8 (1 - 5.411e-8), by
+    studies/amplification_map.py; within a period the energy of the points goes up and down by
+    4e-4."""
     energy = vibrate(DM_GC, 1, 1e-6, radius)[2]
     tenths = maxima(energy)
-    record(f"6 vibration, 10,000 steps: energy, spectral radius {radius}", DM_GC, abs(energy[-1] - 1))
+    record(
+        f"6 vibration, 10,000 steps: energy, spectral radius {radius}", DM_GC, abs(energy[-1] - 1)
+    )
     assert (np.diff(tenths) < 0).all()
     assert np.abs(energy - 1).max() < 0.01
     assert tenths[-1] / tenths[0] == pytest.approx((1 - damping) ** (2 * 9000), abs=2e-5)
 
 
-@pytest.mark.parametrize("mapping, radius", [*((mapping, 1.0) for mapping in POINTS), (DM_GC, 0.9)], ids=str)
+@pytest.mark.parametrize(
+    "mapping, radius", [*((mapping, 1.0) for mapping in POINTS), (DM_GC, 0.9)], ids=str
+)
 def test_energy_where_points_cross_cells(mapping, radius, record):
-    """At 3 % of strain, where kinetic and strain energy are no longer those of the small one: 1 % up and down."""
+    """At 3 % of strain, where kinetic and strain energy are no longer those of the small one: 1 %
+    up and down."""
     energy = vibrate(mapping, 1, 0.03, radius)[2]
-    how, gains = "" if radius == 1.0 else f", spectral radius {radius}", mapping.composite and radius == 1.0
-    name, rises = f"6 vibration at 3 % of strain: energy lost or gained{how}", np.diff(maxima(energy))
+    how, gains = (
+        "" if radius == 1.0 else f", spectral radius {radius}",
+        mapping.composite and radius == 1.0,
+    )
+    name, rises = (
+        f"6 vibration at 3 % of strain: energy lost or gained{how}",
+        np.diff(maxima(energy)),
+    )
     loses = not mapping.support and not gains
-    record(name, mapping, abs(1 - energy[-1]),
-           LOSES if loses else "" if not gains else FED if mapping.linear else GAINS if mapping.support else UNSTABLE)
+    record(
+        name,
+        mapping,
+        abs(1 - energy[-1]),
+        LOSES
+        if loses
+        else ""
+        if not gains
+        else FED
+        if mapping.linear
+        else GAINS
+        if mapping.support
+        else UNSTABLE,
+    )
     assert (rises < 0).all() != gains
     if gains and not mapping.support:
         assert energy[-1] > 2.0
