@@ -31,9 +31,8 @@ YOUNG, DENSITY = 20e6, 1500.0  # Pa, kg/m³; only Poisson's ratio and the Couran
 AMPLITUDE = 1e-6  # m/s, in cells of 1 m: points move by 1e-7 of a cell at most
 SETTLING = 0.5  # periods that are left out of the fit: points' accelerations find their size there
 LEAST = 40  # steps that are fitted at least
-ENOUGH = (
-    0.05  # of the energy: what is left then, points keep for good, in velocities that no node sees
-)
+# of the energy: what is left then, points keep for good, in velocities that no node sees
+ENOUGH = 0.05
 
 Change = Callable[[Simulation], Simulation]
 

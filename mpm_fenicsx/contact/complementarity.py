@@ -8,9 +8,8 @@ import numpy as np
 
 from ..common.errors import SolverError
 
-PROPORTION = (
-    1.0  # Γ: rows at their bound wait until what is wrong with them outweighs the free rows
-)
+# Γ: rows at their bound wait until what is wrong with them outweighs the free rows
+PROPORTION = 1.0
 
 
 def complementary(

@@ -40,9 +40,8 @@ class Faces:
             SQRT3 * sign.T / len(sign)
         )  # times a face's points: from its centre to its sides, axis by axis
         self._hair = 1e-9 * grid.smallest  # the same on all ranks, so that they agree on the cell
-        self._cut: tuple[np.ndarray, np.ndarray, np.ndarray] | None = (
-            None  # whole points; pieces: face, W
-        )
+        # whole points; pieces: face, W
+        self._cut: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
 
     def within(self, x: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Places a hair inside the body: a point on a cell's edge belongs to the cell with the

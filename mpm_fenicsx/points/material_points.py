@@ -36,13 +36,11 @@ class MaterialPoints:
     velocity: np.ndarray | None = None
     acceleration: np.ndarray | None = None
     history: np.ndarray | None = None  # (n, k): what the material remembers, if it does
-    size: np.ndarray | None = (
-        None  # (n,), m: of the point's first cell, where the material softens by it
-    )
+    # (n,), m: of the point's first cell, where the material softens by it
+    size: np.ndarray | None = None
     exposed: np.ndarray | None = None  # (n, dim, 2): faces of the support domain on the body's edge
-    seat: np.ndarray | None = (
-        None  # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
-    )
+    # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
+    seat: np.ndarray | None = None
     mass: np.ndarray = field(init=False)
     _run_left: int | None = field(default=None, init=False, repr=False)
 
