@@ -52,44 +52,31 @@ MAPPINGS = (MPM, GIMP, DM_G, DM_GC, DM_GCL)
 COURANT = (0.1, 0.25, 0.5, 1.0, 2.0, 3.5, 5.0, 10.0, 50.0)
 OFFSETS = (0.0, 0.15, 0.3)  # of the seats at rest, in cells: 0 full cells, else cut ones
 FOUND = [
-    "At rest MPM, GIMP and DM-G let nothing grow, in any scene, at any Courant number, with 0, "
-    "1 or 2 sweeps. With "
-    "dashpots on one side, or at Courant 10 and above, nothing grows in any method with "
-    "Newmark's step.",
+    "At rest MPM, GIMP and DM-G let nothing grow, in any scene, at any Courant number, with 0, 1 "
+    "or 2 sweeps. With dashpots on one side, or at Courant 10 and above, nothing grows in any "
+    "method with Newmark's step.",
     "DM-GC as the paper has it lets a free block of 4 by 3 cells grow below Courant 2, by up to "
-    "7e-3 a step: a "
-    "flutter, at a rate that stays as Δt falls (0.03 c/h at Courant 0.1, 0.05 at 0.01). Its "
-    "cause is the polynomials "
-    "across a direction, not its mass; linear across, as the package has it, the block rests.",
-    "DM-GC as it is: full blocks let nothing grow. In cut cells they do at Courant 0.1, by 1e-4 "
-    "to 4e-4 a step (8 by "
-    "8: 1.4e-3), with 2 sweeps by up to 5e-3 below 5; stress linear over domains (DM-GCL) grows "
-    "there by up to 3e-3 "
-    "below Courant 3.5 (8 by 8: below 10). A free bar of 12 cells grows by 1e-6 (Courant 0.1) "
-    "to 7e-5 (1 to 5), one "
-    "that is held at one end by 5e-9.",
+    "7e-3 a step: a flutter, at a rate that stays as Δt falls (0.03 c/h at Courant 0.1, 0.05 at "
+    "0.01). Its cause is the polynomials across a direction, not its mass; linear across, as the "
+    "package has it, the block rests.",
+    "DM-GC as it is: full blocks let nothing grow. In cut cells they do at Courant 0.1, by 1e-4 to "
+    "4e-4 a step (8 by 8: 1.4e-3), with 2 sweeps by up to 5e-3 below 5; stress linear over domains "
+    "(DM-GCL) grows there by up to 3e-3 below Courant 3.5 (8 by 8: below 10). A free bar of 12 "
+    "cells grows by 1e-6 (Courant 0.1) to 7e-5 (1 to 5), one that is held at one end by 5e-9.",
     "What grows is slow, ωh/c from 0.13 to 2.1 (the grid goes to 3.5 and beyond): modes of the "
-    "body. So dissipation "
-    "of high frequencies cannot stop it where the Courant number is small.",
+    "body. So dissipation of high frequencies cannot stop it where the Courant number is small.",
     "The bar's cause: points take more force from u than the matrix of (7) has, 0.07 % in its "
-    "first mode, 0.3 % in "
-    "the second, 3 % in the last; growth a step with the square of the Courant number. Sweeps "
-    "uncover it; without "
-    "them the averaging of velocities outweighs it, as it does with half of DM-G's strain and "
-    "half the excess.",
+    "first mode, 0.3 % in the second, 3 % in the last; growth a step with the square of the "
+    "Courant number. Sweeps uncover it; without them the averaging of velocities outweighs it, as "
+    "it does with half of DM-G's strain and half the excess.",
     "Generalised α with w = 0 stops that (ρ = 0.9 from Courant 0.5 up, 0.8 from 0.25) and only "
-    "slows the flutter (ρ = "
-    "0.5: half at Courant 0.1, a fifth at 0.5; ρ = 0 stops it). Chung & Hulbert's w = ρ carries "
-    "on the imbalance that "
-    "points have at the start of each step: w = ρ = 1 grows at every Courant number, by a tenth "
-    "a step at 50.",
-    "While points cross cells at 0.3 cells a step every mapping grows between Courant 0.5 and "
-    "5, most at 2 to 3.5: "
-    "MPM by 5e-2, GIMP and DM-G by 1.6e-2, DM-GC by 4e-3 a step, nearly without swinging. There "
-    "ρ = 0.8 leaves a "
-    "sixth to a quarter of GIMP's growth and less than a tenth of DM-GC's, ρ = 0.5 at most 1e-6 "
-    "and 3e-6 (DM-GC at "
-    "Courant 0.5 and 1: 1e-4).",
+    "slows the flutter (ρ = 0.5: half at Courant 0.1, a fifth at 0.5; ρ = 0 stops it). Chung & "
+    "Hulbert's w = ρ carries on the imbalance that points have at the start of each step: w = ρ = "
+    "1 grows at every Courant number, by a tenth a step at 50.",
+    "While points cross cells at 0.3 cells a step every mapping grows between Courant 0.5 and 5, "
+    "most at 2 to 3.5: MPM by 5e-2, GIMP and DM-G by 1.6e-2, DM-GC by 4e-3 a step, nearly without "
+    "swinging. There ρ = 0.8 leaves a sixth to a quarter of GIMP's growth and less than a tenth of "
+    "DM-GC's, ρ = 0.5 at most 1e-6 and 3e-6 (DM-GC at Courant 0.5 and 1: 1e-4).",
 ]
 
 

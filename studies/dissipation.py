@@ -204,8 +204,8 @@ def figure(rows: list[dict], path: Path) -> None:
     for axis in axes[:, 0]:
         axis.set_ylabel("pressure at mid-height / load (-)")
     fig.suptitle(
-        "Column of 20 m on a fixed base, h = 0.25 m, under 0.3 kPa that comes at once: "
-        "generalised α, w = 0"
+        "Column of 20 m on a fixed base, h = 0.25 m, under 0.3 kPa that comes at once: generalised "
+        "α, w = 0"
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(path, dpi=150)

@@ -164,8 +164,8 @@ def figure(rows, path):
         shown, ax=axes, extend="both", label="plastic strain κ (-), grey: below 0.001", shrink=0.5
     )
     fig.suptitle(
-        f"Plastic strain at t = {foundation.end:g} s, on the undeformed body (DM-GC, h = "
-        f"{CELL:g} m)"
+        f"Plastic strain at t = {foundation.end:g} s, on the undeformed body (DM-GC, h = {CELL:g} "
+        "m)"
     )
     fig.savefig(path, dpi=110)
     plt.close(fig)

@@ -190,8 +190,8 @@ def main(arguments=None) -> list[dict]:
         ]
         print(
             f"{row['way']:24} dt {1e3 * row['dt']:5.2f} ms  solves {row['solves']:5.2f}  "
-            f"{row['ms']:6.1f} ms a step  "
-            f"from itself {shown[0]}  from FE {shown[1]}  {row['reason'] or ''}"
+            f"{row['ms']:6.1f} ms a step  from itself {shown[0]}  from FE {shown[1]}  "
+            f"{row['reason'] or ''}"
         )
     for row in rows:
         row["settlement"] = row["settlement"][-1]

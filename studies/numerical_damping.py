@@ -334,12 +334,11 @@ def tables(rows: list[dict]) -> list[str]:
     ]
     ratios = " / ".join(f"{ν:g}" for ν in ratios)
     return [
-        f"Damping ratio ζ (%), {USUAL['cells']} cells a wavelength, Courant "
-        f"{USUAL['courant']:g}; ν = {ratios}",
+        f"Damping ratio ζ (%), {USUAL['cells']} cells a wavelength, Courant {USUAL['courant']:g}; "
+        f"ν = {ratios}",
         first,
-        "Worst of P and S, axis and diagonal, all ν, 10 cells a wavelength; growth a step, "
-        "largest over ν, "
-        "Courant numbers and offsets; step over that of the default",
+        "Worst of P and S, axis and diagonal, all ν, 10 cells a wavelength; growth a step, largest "
+        "over ν, Courant numbers and offsets; step over that of the default",
         markdown(heads, lines),
     ]
 

@@ -177,8 +177,8 @@ def figure(rows, cell, path):
     axes[2].set_yscale("log")
     axes[0].legend(fontsize=8)
     fig.suptitle(
-        f"60 kPa held from {START + RISE:g} s on, small strain; ×: stopped (h = {cell:g} m, Δt "
-        "= 5 ms)"
+        f"60 kPa held from {START + RISE:g} s on, small strain; ×: stopped (h = {cell:g} m, Δt = 5 "
+        "ms)"
     )
     fig.savefig(path, dpi=110)
     plt.close(fig)
@@ -200,10 +200,10 @@ def main(arguments=None) -> list[dict]:
         rows.append(row)
         print(
             f"{row['method']:>6}, {row['load']:8}: down {row['settlement_m'][-1]:.3f} m at "
-            f"{row['t'][-1]:.3f} s, "
-            f"not found {100 * row['lost_j'][-1] / max(row['work_j'][-1], 1e-9):.1f} % of "
-            f"{row['work_j'][-1]:.3g} J, "
-            f"area {row['area_m2'][len(row['t']) - 1]:.2f} m²; {row['stopped'] or 'runs'}"[:240],
+            f"{row['t'][-1]:.3f} s, not found "
+            f"{100 * row['lost_j'][-1] / max(row['work_j'][-1], 1e-9):.1f} % of "
+            f"{row['work_j'][-1]:.3g} J, area {row['area_m2'][len(row['t']) - 1]:.2f} m²; "
+            f"{row['stopped'] or 'runs'}"[:240],
             flush=True,
         )
     lines = ",\n ".join(json.dumps(row) for row in rows)

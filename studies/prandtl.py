@@ -216,8 +216,8 @@ def figure(rows: list[dict], path: Path) -> None:
     axes[0].set_ylabel("mean pressure on the strip / cohesion (-)")
     axes[0].legend(fontsize=9, loc="lower right")
     fig.suptitle(
-        f"Strip of {2 * strip:g} m on weightless cohesive soil, E = 10⁵ c, cells from {cell:g} "
-        "m at its edge"
+        f"Strip of {2 * strip:g} m on weightless cohesive soil, E = 10⁵ c, cells from {cell:g} m "
+        "at its edge"
     )
     path.parent.mkdir(parents=True, exist_ok=True)
     fig.savefig(path, dpi=150)

@@ -543,8 +543,8 @@ class OneName(Capped):
         ),
         (
             Capped(2e6, 0.3, 1e3),
-            "law without history .*Capped is not: its {response} differs .*name what it "
-            "remembers in",
+            "law without history .*Capped is not: its {response} differs .*name what it remembers "
+            "in",
         ),
         (
             NoTension(2e6, 0.3, 1e3),

@@ -23,8 +23,7 @@ def provide() -> None:
     os.environ["XDG_CACHE_HOME"] = str(folder)
     warnings.warn(
         f"compiled code cannot be kept in {wanted}: it is kept in {folder}; let XDG_CACHE_HOME "
-        "name a folder "
-        "that can be written, on several computers one that they share",
+        "name a folder that can be written, on several computers one that they share",
         UserWarning,
         stacklevel=4,
     )

@@ -21,8 +21,7 @@ try:
 except ImportError as error:
     raise ImportError(
         "mpm_fenicsx runs on DOLFINx with mpi4py and petsc4py, and not all of them can be "
-        "imported "
-        f"({error}). Install them by one of{HOW}",
+        f"imported ({error}). Install them by one of{HOW}",
         name=error.name,
     ) from error
 if PETSc.ScalarType().dtype.kind == "c":

@@ -58,6 +58,5 @@ def complementary(
         p = np.where(λ > 0.0, r, 0.0)
     raise SolverError(
         f"contact: forces not found, {np.linalg.norm(free + bound):.3g} m left after {most} "
-        "products; "
-        f"allowed {tolerance:.3g}"
+        f"products; allowed {tolerance:.3g}"
     )

@@ -205,8 +205,7 @@ class Contact(Run):
         meet."""
         raise ValueError(
             "settle is of one body: settle each body in a QuasiStatic run of its own, with the "
-            "weight of "
-            "what rests on it as a Traction, then let them meet; or add steps of the "
+            "weight of what rests on it as a Traction, then let them meet; or add steps of the "
             "QuasiStatic contact"
         )
 

@@ -39,8 +39,8 @@ class Newmark:
         object.__setattr__(self, "gamma", finite("gamma", self.gamma))
         if self.gamma < 0.5 or 2 * self.beta < self.gamma:
             raise ValueError(
-                f"Newmark is unconditionally stable for 2 beta >= gamma >= 1/2 only, "
-                f"got beta={self.beta}, gamma={self.gamma}"
+                "Newmark is unconditionally stable for 2 beta >= gamma >= 1/2 only, got "
+                f"beta={self.beta}, gamma={self.gamma}"
             )
 
     def part(self, share: float) -> Newmark:

@@ -83,9 +83,8 @@ class Grid:
         given = [np.shape(v) for v in (lower, upper, cells)]
         if given[0] not in ((2,), (3,)) or len(set(given)) > 1:
             raise ValueError(
-                "a box needs 2 or 3 of lower, upper and cells alike, such as Grid.box((0, 0), "
-                "(2, 1), "
-                f"(20, 10)), got {lower}, {upper}, {cells}"
+                "a box needs 2 or 3 of lower, upper and cells alike, such as Grid.box((0, 0), (2, "
+                f"1), (20, 10)), got {lower}, {upper}, {cells}"
             )
         cells = [whole("cells", n) for n in cells]
         for a, b in zip(lower, upper, strict=True):
@@ -228,8 +227,8 @@ class Grid:
         with together(self.comm):
             if np.abs(place - np.round(place)).max(initial=0.0) > 1e-8:
                 raise ValueError(
-                    "mesh must be rectilinear with axes along x, y (z) for material points, and "
-                    "is not"
+                    "mesh must be rectilinear with axes along x, y (z) for material points, and is "
+                    "not"
                 )
         nodes = self.tensor_order(self.space, 1, lower, h)
         neighbour, patch = beside(lower, upper, nodes)
@@ -333,8 +332,8 @@ class Grid:
         lacking = (seen.x.array.reshape(-1, self.dim)[:, 0] != here) & (owned > 0)
         if self.comm.allreduce(int(lacking.sum())):
             raise ValueError(
-                "mesh must carry all vertex neighbours as ghosts on several ranks: "
-                "make it with Grid.box or Grid.read"
+                "mesh must carry all vertex neighbours as ghosts on several ranks: make it with "
+                "Grid.box or Grid.read"
             )
 
 
@@ -361,8 +360,8 @@ def _out_of_plane(x: np.ndarray) -> str | None:
         else f"on a surface in space, {extent} m wide"
     )
     return (
-        f"names a file whose quadrilaterals lie {where}; a grid in 2D lies in the xy "
-        "plane, so turn the mesh"
+        f"names a file whose quadrilaterals lie {where}; a grid in 2D lies in the xy plane, so "
+        "turn the mesh"
     )
 
 

@@ -123,6 +123,6 @@ def _refuse_unless_linear(material, dim: int, response: str) -> None:
         if not off[row] <= LINEAR:
             raise ValueError(
                 f"material: {what} is not: its {response} differs from its lame = "
-                f"{tuple(material.lame)} "
-                f"by {off[row]:.2g} of the stress at the strain {strain[row]}; {cure}"
+                f"{tuple(material.lame)} by {off[row]:.2g} of the stress at the strain "
+                f"{strain[row]}; {cure}"
             )

@@ -161,7 +161,7 @@ def _misfit(
     for label in recorders:
         if label not in known:
             return (
-                f"recorder {label} is not in the checkpoint, which has {sorted(known)}: "
-                "record it after the restart"
+                f"recorder {label} is not in the checkpoint, which has {sorted(known)}: record it "
+                "after the restart"
             )
     return None

@@ -38,9 +38,8 @@ def warn_of_interfaces(
         warnings.warn(thin, UserWarning, stacklevel=2)
     elif shared:
         warnings.warn(
-            f"bodies of different material share {shared} cells: stress is of first order only "
-            "at an "
-            "interface inside a cell; put grid lines on interfaces (Grid.rectilinear)",
+            f"bodies of different material share {shared} cells: stress is of first order only at "
+            "an interface inside a cell; put grid lines on interfaces (Grid.rectilinear)",
             UserWarning,
             stacklevel=2,
         )
@@ -94,8 +93,7 @@ def _thin(
     cell, axis = found
     centre = 0.5 * (lattice.lower[cell] + lattice.upper[cell])
     return (
-        f"body {number} is thinner than a cell along {'xyz'[axis]} at x={centre}: it is "
-        "strained like what shares "
-        "the cell with it and bears a multiple of its stress; take grid lines along its edges "
-        "(Grid.rectilinear)"
+        f"body {number} is thinner than a cell along {'xyz'[axis]} at x={centre}: it is strained "
+        "like what shares the cell with it and bears a multiple of its stress; take grid lines "
+        "along its edges (Grid.rectilinear)"
     )

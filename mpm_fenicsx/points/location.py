@@ -33,8 +33,8 @@ def enter(body: MaterialPoints, grid: Grid) -> np.ndarray:
             np.shape(value) != (len(body), numbers) or not np.isfinite(value).all()
         ):
             message = (
-                f"{name} of points must be {len(body)} rows of {numbers} finite "
-                f"numbers, got {value!r}"
+                f"{name} of points must be {len(body)} rows of {numbers} finite numbers, got "
+                f"{value!r}"
             )
     with together(grid.comm):
         if message:

@@ -183,8 +183,8 @@ class MaterialPoints:
             what = f"turns inside out: det F = {J[p]:.3g} in the step"
             if J[p] > 0.0:
                 what = (
-                    "has a support domain that turns inside out: it stretches by "
-                    f"{stretch[p]} in the step"
+                    f"has a support domain that turns inside out: it stretches by {stretch[p]} in "
+                    "the step"
                 )
             raise ValueError(f"material point {p} at x={self.x[p]} {what}")
         return J, stretch
@@ -227,12 +227,10 @@ class MaterialPoints:
             side = sides[int(np.argmax(stairs))]
             warnings.warn(
                 f"surface: {side} is a staircase of {max(stairs)} levels, as of a slope or a "
-                "curve, whose "
-                f"faces have up to {1.41 if self.dim == 2 else 1.73} times the true area (a "
-                "circle's 1.27 "
-                "times): loads and dashpots on them are too large by that; take a flat part by "
-                "where=..., or "
-                "SurfacePoints(x, normal, area) along the true edge",
+                f"curve, whose faces have up to {1.41 if self.dim == 2 else 1.73} times the true "
+                "area (a circle's 1.27 times): loads and dashpots on them are too large by that; "
+                "take a flat part by where=..., or SurfacePoints(x, normal, area) along the true "
+                "edge",
                 UserWarning,
                 stacklevel=2,
             )

@@ -49,8 +49,8 @@ class SurfacePoints:
             or self.area.shape != self.x.shape[:1]
         ):
             raise ValueError(
-                f"surface points need x (n, dim), normal (n, dim), area (n,), got "
-                f"{self.x.shape}, {self.normal.shape}, {self.area.shape}"
+                f"surface points need x (n, dim), normal (n, dim), area (n,), got {self.x.shape}, "
+                f"{self.normal.shape}, {self.area.shape}"
             )
         length = np.linalg.norm(self.normal, axis=1)
         if not np.abs(length - 1.0).max(initial=0.0) <= 1e-9:

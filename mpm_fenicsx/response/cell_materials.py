@@ -121,8 +121,8 @@ class CellMaterials:
             found._warn_of_cuts(materials, regions)
             return found
         raise ValueError(
-            "material must be a material, a body of material points or several, or "
-            "pairs (material, where) with where mapping x (dim, n) to bool (n,), got "
+            "material must be a material, a body of material points or several, or pairs "
+            "(material, where) with where mapping x (dim, n) to bool (n,), got "
             f"{_named(entries if listed else given)}"
         )
 
@@ -196,9 +196,9 @@ class CellMaterials:
         if first:
             count = grid.comm.allreduce(len(cut))
             warnings.warn(
-                f"material: the edges of regions cut {count} cells, one with its centre "
-                f"at x={first}; each is taken to be of the material at its centre: let "
-                "grid lines follow the interface",
+                f"material: the edges of regions cut {count} cells, one with its centre at "
+                f"x={first}; each is taken to be of the material at its centre: let grid lines "
+                "follow the interface",
                 UserWarning,
                 stacklevel=4,
             )
@@ -280,16 +280,16 @@ def _of_bodies(grid: Grid, bodies: Sequence[MaterialPoints]) -> np.ndarray:
         if len(shared) and message is None:
             c = shared[0]
             message = (
-                f"cell {c} with its centre at x={centre[c]} holds points of bodies "
-                f"{number[c]} and {n}: finite elements have no interface inside a cell; "
-                "use a mesh whose lines follow the bodies"
+                f"cell {c} with its centre at x={centre[c]} holds points of bodies {number[c]} and "
+                f"{n}: finite elements have no interface inside a cell; use a mesh whose lines "
+                "follow the bodies"
             )
         number[cell] = n
     empty = np.flatnonzero(number[: grid.owned_cells] < 0)
     if len(empty) and message is None:
         message = (
-            f"cell {empty[0]} with its centre at x={centre[empty[0]]} holds no material "
-            "points: finite elements have no empty cells; use a mesh of the bodies"
+            f"cell {empty[0]} with its centre at x={centre[empty[0]]} holds no material points: "
+            "finite elements have no empty cells; use a mesh of the bodies"
         )
     _refuse(grid, message)
     _check_filling(grid, bodies, cells, centre)
@@ -302,9 +302,9 @@ def _in_motion(number: int, body: MaterialPoints) -> str | None:
         value = getattr(body, name)
         if value is not None and np.any(value):
             return (
-                f"{name} of body {number} is not zero, and finite elements start unstressed "
-                "and at rest: give points as fill makes them, set the nodal velocity "
-                "run.motion.v, or go on from a run with start"
+                f"{name} of body {number} is not zero, and finite elements start unstressed and at "
+                "rest: give points as fill makes them, set the nodal velocity run.motion.v, or go "
+                "on from a run with start"
             )
     return None
 
@@ -318,8 +318,8 @@ def _check_filling(
     if len(lacking):
         c = lacking[np.argmin(part[lacking])]
         message = (
-            f"bodies fill {part[c]:.3g} of cell {c} with its centre at x={centre[c]}, and "
-            "finite elements all of it"
+            f"bodies fill {part[c]:.3g} of cell {c} with its centre at x={centre[c]}, and finite "
+            "elements all of it"
         )
     if all(body.exposed is not None for body in bodies):
         _refuse(grid, message and f"{message}: use a mesh of the bodies")

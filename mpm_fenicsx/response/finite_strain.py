@@ -246,7 +246,7 @@ def finite_strain_of(
     for n, body in enumerate(bodies):
         if n not in finite and body.material.history:
             raise ValueError(
-                f"points: a body that yields at small strain cannot share a run with one of finite "
+                "points: a body that yields at small strain cannot share a run with one of finite "
                 f"strain, got {body.material!r}"
             )
     chosen = [(bodies[n], stencils[n]) for n in finite]

@@ -30,8 +30,8 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         for part in self.parts:
             if part.material.history and not part.finite:
                 raise ValueError(
-                    "material: one that yields at small strain cannot share a run "
-                    f"with one of finite strain, got {part.material!r}"
+                    "material: one that yields at small strain cannot share a run with one of "
+                    f"finite strain, got {part.material!r}"
                 )
         self.state = np.zeros((len(gauss), tensors.components(dim)))
         self.deformation = np.tile(np.eye(dim), (len(gauss), 1, 1))

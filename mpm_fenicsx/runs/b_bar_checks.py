@@ -14,10 +14,9 @@ def warn_of_laws(materials: Sequence, stacklevel: int = 3) -> None:
     for material in materials:
         if material.history and not isinstance(material, VonMises):
             warnings.warn(
-                f"b_bar with {type(material).__name__}: where flow changes volume, the mean of "
-                "a cell takes "
-                "that for all of its points; it is a cure for flow that keeps the volume, as of "
-                "VonMises",
+                f"b_bar with {type(material).__name__}: where flow changes volume, the mean of a "
+                "cell takes that for all of its points; it is a cure for flow that keeps the "
+                "volume, as of VonMises",
                 UserWarning,
                 stacklevel=stacklevel,
             )
@@ -29,18 +28,16 @@ def warn_of_points(materials: Sequence, partly_filled: int, dynamic: bool) -> No
     for material in materials:
         if getattr(material, "softening", 0.0) > 0.0:
             warnings.warn(
-                f"b_bar with softening = {material.softening:.6g}: where a side of the body "
-                "lies on a grid "
-                "line, Newton's iteration may stall at residuals of 1e-6 to 4e-6; allow "
+                f"b_bar with softening = {material.softening:.6g}: where a side of the body lies "
+                "on a grid line, Newton's iteration may stall at residuals of 1e-6 to 4e-6; allow "
                 "Newton(tolerance=1e-5), or go without b_bar",
                 UserWarning,
                 stacklevel=3,
             )
     if dynamic and partly_filled:
         warnings.warn(
-            f"b_bar in dynamics with {partly_filled} partly filled cells: motion grows there "
-            "even at rest; "
-            "lay the sides of the body on grid lines, or go without b_bar",
+            f"b_bar in dynamics with {partly_filled} partly filled cells: motion grows there even "
+            "at rest; lay the sides of the body on grid lines, or go without b_bar",
             UserWarning,
             stacklevel=3,
         )

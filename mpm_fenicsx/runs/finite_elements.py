@@ -194,9 +194,8 @@ class FiniteElements(Run):
         alike = (start.grid, start.b_bar) == (self.grid, self.b_bar)
         if not alike or not self.materials.alike(start.materials):
             raise ValueError(
-                "start must be a finite element run on the same grid, of the same "
-                "material in every cell, b_bar alike, got one of "
-                f"{start.material!r}, b_bar={start.b_bar}"
+                "start must be a finite element run on the same grid, of the same material in "
+                f"every cell, b_bar alike, got one of {start.material!r}, b_bar={start.b_bar}"
             )
         fields = [(self.displacement, start.displacement)]
         if self.stepping.dynamic and start.stepping.dynamic:

@@ -104,8 +104,8 @@ class Simulation(Run):
             )
         if b_bar and mapping.integrate is not DOUBLE_MAPPED:
             raise ValueError(
-                f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at "
-                "the points"
+                f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the "
+                "points"
             )
         super().__init__(mapping.name, grid, stepping, terms)
         self.mapping, self.transfer = mapping, transfer
@@ -183,9 +183,8 @@ class Simulation(Run):
     ) -> AccelerationCorrection | None:
         if balanced is not None:
             warnings.warn(
-                "balanced is now correction=AccelerationCorrection.LUMPED or OFF; by default it "
-                "is chosen by "
-                "the Courant number",
+                "balanced is now correction=AccelerationCorrection.LUMPED or OFF; by default it is "
+                "chosen by the Courant number",
                 DeprecationWarning,
                 stacklevel=3,
             )
@@ -288,8 +287,8 @@ class Simulation(Run):
                     else "on another rank, which is not supported yet"
                 )
                 message = (
-                    f"{self._of[number]}material point {lost[0]} at "
-                    f"x={body.x[lost[0]]} lies {where}"
+                    f"{self._of[number]}material point {lost[0]} at x={body.x[lost[0]]} lies "
+                    f"{where}"
                 )
                 cell[lost] = np.maximum(cell[lost], 0)  # whence to walk, should they be put back
         self._stop_together(message)

@@ -83,8 +83,8 @@ def _at_points(
         miss = np.abs(A @ y - R).max() / max(np.abs(borne).max(), np.finfo(float).tiny)
         if not miss <= EXACT:
             raise ValueError(
-                f"surfaces: their points are too few for the reactions, {miss:.1e} of which "
-                "they miss"
+                f"surfaces: their points are too few for the reactions, {miss:.1e} of which they "
+                "miss"
             )
         t[rows, c] = y / root[rows]
     return np.split(t, cuts)

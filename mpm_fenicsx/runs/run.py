@@ -62,8 +62,8 @@ class Run(Statics):
             )
         if (stepping.dynamic, stepping.start) != (now.dynamic, now.start):
             raise ValueError(
-                f"stepping: a run with {now} cannot go on with {stepping}; make another run of "
-                "its points"
+                f"stepping: a run with {now} cannot go on with {stepping}; make another run of its "
+                "points"
             )
         self._clock[:] = self.steps, self.time
         self._stepping = stepping
@@ -241,8 +241,7 @@ class Run(Statics):
             stop = self.time + round(left) * self.stepping.dt
             warnings.warn(
                 f"until({t}) stops at t = {stop:.6g}: from t = {self.time:.6g} it is no whole "
-                "number of "
-                f"steps of {self.stepping.dt:.6g}",
+                f"number of steps of {self.stepping.dt:.6g}",
                 UserWarning,
                 stacklevel=2,
             )

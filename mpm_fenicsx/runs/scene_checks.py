@@ -34,8 +34,8 @@ def bodies_of(points) -> list[MaterialPoints]:
     """The bodies as a list; one alone may be given without one.  Raises ``ValueError`` naming what
     is no body."""
     such_as = (
-        "MaterialPoints, one body or a list of bodies, such as "
-        "MaterialPoints.fill(grid, material, 4)"
+        "MaterialPoints, one body or a list of bodies, such as MaterialPoints.fill(grid, material, "
+        "4)"
     )
     points = (
         [points]

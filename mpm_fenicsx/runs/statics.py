@@ -38,8 +38,8 @@ class Statics:
         message = free_motion(self.grid, self.filled_cells(), self.equilibrium.fixed)
         if message:
             raise ValueError(
-                f"terms: {message}; a quasi-static run needs Fixed on facets of the grid "
-                "that the material touches"
+                f"terms: {message}; a quasi-static run needs Fixed on facets of the grid that the "
+                "material touches"
             )
         self._supported = True
 
@@ -64,8 +64,7 @@ class Statics:
                 last = ", ".join(f"{value:.1e}" for value in found[-3:])
                 raise RunError(
                     f"{self.name}: out of balance by {last} after {steps} steps at t = "
-                    f"{self.time:.6g}; "
-                    f"allowed {tolerance:.1e}; {self.equilibrium.largest()}"
+                    f"{self.time:.6g}; allowed {tolerance:.1e}; {self.equilibrium.largest()}"
                 )
             with self.reported():
                 self.advance(self.time, self.time)

@@ -311,8 +311,7 @@ class Equilibrium:
         if reason < 0 or not np.isfinite(self.part.x.norm()):
             raise SolverError(
                 f"linear solver stopped with PETSc reason {reason} after {self._iterations} "
-                "iterations; "
-                f"{self.largest()}"
+                f"iterations; {self.largest()}"
             )
         self.part.give(self.increment.x.array[: self._owned])
         dolfinx_versions.share(self.increment)

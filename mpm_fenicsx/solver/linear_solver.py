@@ -59,8 +59,7 @@ def linear_solver(A: PETSc.Mat, motion: Motion, options: Mapping[str, object] | 
     except PETSc.Error as error:
         raise ValueError(
             f"solver: PETSc takes none of this kind, or not with these values, got {options} "
-            "(error code "
-            f"{error.ierr})"
+            f"(error code {error.ierr})"
         ) from None
     return ksp
 

@@ -48,8 +48,8 @@ class Newton:
             if len(norms) >= self.iterations:
                 found = ", ".join(f"{norm / allowed * self.tolerance:.1e}" for norm in norms)
                 raise SolverError(
-                    f"Newton does not converge, relative residuals {found}; "
-                    f"allowed {self.tolerance:.1e}; {equilibrium.largest()}"
+                    f"Newton does not converge, relative residuals {found}; allowed "
+                    f"{self.tolerance:.1e}; {equilibrium.largest()}"
                 )
             equilibrium.bend()
             equilibrium.correct()

@@ -115,9 +115,8 @@ class FacetPatch:
         alike = all(np.array_equal(total, p._total.x.array) for p in same)
         if anywhere(self.grid.comm, None if whole and alike else "other"):
             raise ValueError(
-                f"start: on a part of the facets {self.surface.names} springs have "
-                "accumulated another displacement than on the rest: give each part a "
-                "term of its own"
+                f"start: on a part of the facets {self.surface.names} springs have accumulated "
+                "another displacement than on the rest: give each part a term of its own"
             )
         self._total.x.array[:] = total
         return same
@@ -261,8 +260,8 @@ class PointPatch:
         message = None
         if isinstance(value, fem.Function) or (rows and not fits):
             message = (
-                f"a load on surface points must be {self.points.x.shape} finite "
-                f"numbers, got {value!r}"
+                f"a load on surface points must be {self.points.x.shape} finite numbers, got "
+                f"{value!r}"
             )
         self._refuse(message)
         return ufl.as_vector(self._field(self.grid.dim, lambda *_: constant)) if rows else None

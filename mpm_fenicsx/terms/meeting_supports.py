@@ -59,8 +59,8 @@ def refuse_disagreement(scene: Scene, terms: Sequence) -> None:
 def _difference(a: Fixed, b: Fixed, place: str, start: float, end: float) -> str | None:
     """What two supports move a node by in a step, in words, if it is not the same."""
     both = (
-        f"Fixed on {', '.join(a.on.names)} and Fixed on {', '.join(b.on.names)} share "
-        f"the node {place}, and"
+        f"Fixed on {', '.join(a.on.names)} and Fixed on {', '.join(b.on.names)} share the node "
+        f"{place}, and"
     )
     cure = "leave it out of one of them, by facets of your own"
     recorded = [
@@ -80,9 +80,8 @@ def _difference(a: Fixed, b: Fixed, place: str, start: float, end: float) -> str
     if abs(moves[0] - moves[1]) <= ALIKE * max(map(abs, moves)):
         return None
     return (
-        f"{both} move it by {moves[0]:.6g} {unit} and {moves[1]:.6g} {unit} from t = "
-        f"{start:.6g} to {end:.6g}: "
-        f"{cure}"
+        f"{both} move it by {moves[0]:.6g} {unit} and {moves[1]:.6g} {unit} from t = {start:.6g} "
+        f"to {end:.6g}: {cure}"
     )
 
 

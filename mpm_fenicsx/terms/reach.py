@@ -58,16 +58,15 @@ def check_reach(
         name = type(term).__name__
         if touched <= WHOLE * area:
             raise ValueError(
-                f"on: {name} acts on {where}, where there is no material; let the grid end "
-                "where the body "
-                "ends, or take the body's own surface, points.surface(side)"
+                f"on: {name} acts on {where}, where there is no material; let the grid end where "
+                "the body ends, or take the body's own surface, points.surface(side)"
             )
         if touched < (1.0 - WHOLE) * area:
             unit = "m" if scene.grid.dim == 2 else "m²"
             warnings.warn(
                 f"{name} acts on {where}, of which nodes with material bear "
-                f"{100 * touched / area:.3g} % "
-                f"only, {touched:.4g} of {area:.4g} {unit}: the rest is lost",
+                f"{100 * touched / area:.3g} % only, {touched:.4g} of {area:.4g} {unit}: the rest "
+                "is lost",
                 UserWarning,
                 stacklevel=3,
             )
@@ -109,13 +108,11 @@ def _check_support(scene: Scene, term: Fixed, there: np.ndarray) -> None:
     if not scene.motion.stepping.dynamic and all(touched == 0.0 for _, touched in found):
         raise ValueError(
             f"on: Fixed acts on the facets {bare}, where there is no material; let the grid end "
-            "where the "
-            "body ends, or name facets beside it"
+            "where the body ends, or name facets beside it"
         )
     warnings.warn(
-        f"Fixed acts on the facets {bare}, where there is no material at the start: there it "
-        "holds nothing "
-        "until some comes",
+        f"Fixed acts on the facets {bare}, where there is no material at the start: there it holds "
+        "nothing until some comes",
         UserWarning,
         stacklevel=4,
     )

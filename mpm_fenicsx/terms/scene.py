@@ -102,9 +102,9 @@ class Scene:
                 new += [] if same else [p]
         if gone and new:
             warnings.warn(
-                f"start: springs on {new[0]} start unstressed, and what those of the run "
-                f"before bear on {gone[0]} is gone: give the same facets, or the same "
-                "surface points, if they are the same springs",
+                f"start: springs on {new[0]} start unstressed, and what those of the run before "
+                f"bear on {gone[0]} is gone: give the same facets, or the same surface points, if "
+                "they are the same springs",
                 UserWarning,
                 stacklevel=4,
             )

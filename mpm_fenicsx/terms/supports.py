@@ -90,11 +90,10 @@ class Fixed:
                 return AccelerationRecord(functions["acceleration"])
             case ["acceleration"]:
                 raise ValueError(
-                    "acceleration of Fixed is for dynamics: in a quasi-static run give value, "
-                    "a displacement (m) of the load parameter"
+                    "acceleration of Fixed is for dynamics: in a quasi-static run give value, a "
+                    "displacement (m) of the load parameter"
                 )
         raise ValueError(
-            "Fixed takes value, or value with velocity and acceleration, or acceleration "
-            "alone, got "
-            f"{' and '.join(names)}"
+            "Fixed takes value, or value with velocity and acceleration, or acceleration alone, "
+            f"got {' and '.join(names)}"
         )

@@ -15,8 +15,8 @@ TWIN = "the others are compared with it"
 B_BAR = "b_bar is for integrals at Gauss points"
 SEWN = "its points reach the cut cell: it needs no GhostPenalty"
 BARE = (
-    "a matter of round-off: the dashpots act on nodes that no point reaches; see the row "
-    "with GhostPenalty"
+    "a matter of round-off: the dashpots act on nodes that no point reaches; see the row with "
+    "GhostPenalty"
 )
 
 ABSENT = (

@@ -9,8 +9,8 @@ LINEAR = tuple(mapping for mapping in POINTS if not mapping.support)
 TILING = tuple(mapping for mapping in POINTS if mapping.support)
 
 FED = (
-    "linear stress is not the adjoint of composite strain: slow modes grow, by up to 3e-5 "
-    "a step, free edges by more"
+    "linear stress is not the adjoint of composite strain: slow modes grow, by up to 3e-5 a step, "
+    "free edges by more"
 )
 NOT_DERIVED = "Newton's matrix (the mean of ∇N ∇N over support domains) is not its derivative"
 FLIES = "a single point flies off where points cross cells"
@@ -18,12 +18,12 @@ STRESS_LOST = "points that cross cells on linear shape functions lose their stre
 STRAINS_APART = "stiffness has not the strain of the points: Newton's matrix is not the derivative"
 LOST = "internal force jumps where a point crosses a cell's edge: its gradient is that of one cell"
 SLACK = (
-    "an edge a little past a grid line puts its dashpots on nodes that no point "
-    "reaches: they yield, it is free"
+    "an edge a little past a grid line puts its dashpots on nodes that no point reaches: they "
+    "yield, it is free"
 )
 UNSTABLE = (
-    "strain or stiffness that is not the adjoint of the internal force feeds a free "
-    "edge on linear weights"
+    "strain or stiffness that is not the adjoint of the internal force feeds a free edge on linear "
+    "weights"
 )
 """Reasons of more than one case."""
 

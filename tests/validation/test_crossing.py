@@ -163,8 +163,8 @@ def near_yield(softening, share=0.95):
 def test_a_block_at_95_percent_of_yield_does_not_yield(mapping, softening, courant, record):
     error, body = block(mapping, courant, 100, near_yield(softening))
     case = (
-        f"8 block at 95 % of yield, {'softening, ' if softening else ''}Courant "
-        f"{courant:g}, 100 steps"
+        f"8 block at 95 % of yield, {'softening, ' if softening else ''}Courant {courant:g}, 100 "
+        "steps"
     )
     record(case, mapping, error.max(), "" if mapping.support else LOST)
     if mapping.support:

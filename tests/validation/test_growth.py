@@ -68,8 +68,8 @@ def test_with_dissipation_a_free_block_gains_no_energy(mapping, cells, record):
         - 1.0
     )
     record(
-        f"7 free block, {cells[0]} × {cells[1]} cells, Courant 0.5 to 5, spectral radius 0.9: "
-        "gain of energy",
+        f"7 free block, {cells[0]} × {cells[1]} cells, Courant 0.5 to 5, spectral radius 0.9: gain "
+        "of energy",
         mapping,
         max(gain, 0.0),
     )

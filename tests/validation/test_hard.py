@@ -29,12 +29,12 @@ H, N, STEPS = 0.25, 20, 1000
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 LOCKS = "bilinear cells lock without B-bar"
 TIRES = (
-    "the matrix of (7) is stiffer than what points give back: loss of first order in "
-    "Δt; a fifth is the averaging's"
+    "the matrix of (7) is stiffer than what points give back: loss of first order in Δt; a fifth "
+    "is the averaging's"
 )
 STICK = (
-    "one velocity field: bodies that share nodes hold one another, in tension as well, "
-    "0.5 to 0.9 cells apart"
+    "one velocity field: bodies that share nodes hold one another, in tension as well, 0.5 to 0.9 "
+    "cells apart"
 )
 
 

@@ -28,8 +28,8 @@ K, OMEGA = 2 * math.pi / LENGTH, math.pi * SPEED / LENGTH
 CELLS = (20, 40, 80)
 CASE = "5 manufactured, 31 % strain, 80 cells"
 NOISE = (
-    "order 0.8 in stress where 1.4 is wanted: it is constant over domains that grid "
-    "lines cut; 1.8 with DM-GCL"
+    "order 0.8 in stress where 1.4 is wanted: it is constant over domains that grid lines cut; 1.8 "
+    "with DM-GCL"
 )
 
 

@@ -35,12 +35,12 @@ pytestmark = pytest.mark.validation
 
 CASE = "15 two bodies with Contact"
 GAINS = (
-    "composite strain on linear weights: a bar with a step in its velocity gains "
-    "energy, alone as well"
+    "composite strain on linear weights: a bar with a step in its velocity gains energy, alone as "
+    "well"
 )
 THROWN = (
-    "linear weights: a corner in a cell without its points is thrown out of the grid, "
-    "or a point inside out"
+    "linear weights: a corner in a cell without its points is thrown out of the grid, or a point "
+    "inside out"
 )
 
 

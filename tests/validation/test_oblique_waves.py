@@ -32,8 +32,8 @@ from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 pytestmark = pytest.mark.validation
 
 TIRES = (
-    "the matrix is stiffer than what points give back, and more so as cells lock: loss "
-    "of energy, first order in Δt"
+    "the matrix is stiffer than what points give back, and more so as cells lock: loss of energy, "
+    "first order in Δt"
 )
 
 CELLS = 16  # a wavelength
@@ -162,8 +162,8 @@ def test_energy_that_comes_back(mapping, steep, poisson, wave, record):
         abs(np.subtract(*energy_back(mapping, wave, degrees, poisson))) for degrees in angles
     )
     case = (
-        f"9 {wave} waves on dashpots, ν = {poisson:g}, {'60' if steep else 'up to 40'}°: "
-        "energy back"
+        f"9 {wave} waves on dashpots, ν = {poisson:g}, {'60' if steep else 'up to 40'}°: energy "
+        "back"
     )
     slack = mapping in LINEAR
     tired = not slack and mapping and mapping.composite and wave == "S" and poisson == 0.41

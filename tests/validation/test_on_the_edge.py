@@ -26,16 +26,16 @@ pytestmark = pytest.mark.validation
 SOIL, H, STRESS = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25, 100e3
 UNSTABLE = "composite strain on linear weights: round-off grows"
 HOURGLASS = (
-    "one point in the middle of a cell gives its hourglass modes neither mass nor "
-    "stiffness: a singular matrix"
+    "one point in the middle of a cell gives its hourglass modes neither mass nor stiffness: a "
+    "singular matrix"
 )
 SUMS = (
-    "a sum over random points is not the integral: the bar's internal force is not that "
-    "of its stress"
+    "a sum over random points is not the integral: the bar's internal force is not that of its "
+    "stress"
 )
 GAPS = (
-    "support domains around random points overlap and leave gaps: the bar's internal "
-    "force is not that of its stress"
+    "support domains around random points overlap and leave gaps: the bar's internal force is not "
+    "that of its stress"
 )
 
 

@@ -23,8 +23,8 @@ pytestmark = pytest.mark.validation
 
 STOPS = {GIMP: NOT_DERIVED, CMPM: STRAINS_APART}
 BEARS_MORE = (
-    "a traction is per area as it is: the crater's walls stretch, bear more, and "
-    "stretch the faster (DeadLoad)"
+    "a traction is per area as it is: the crater's walls stretch, bear more, and stretch the "
+    "faster (DeadLoad)"
 )
 
 

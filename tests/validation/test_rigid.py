@@ -27,12 +27,12 @@ pytestmark = pytest.mark.validation
 SOIL, H = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25
 DISC = "7 disc of 4 cells' radius, a turn"
 GROWTH = (
-    "small strain: a turn by θ reads as 1 - cos θ of compression, relieved by growth "
-    "of 2π²/N a turn in N steps"
+    "small strain: a turn by θ reads as 1 - cos θ of compression, relieved by growth of 2π²/N a "
+    "turn in N steps"
 )
 STIFFLESS = (
-    "few points in a cut cell leave the matrix nearly singular: the linear solver's "
-    "1e-11 comes back as 1e-7"
+    "few points in a cut cell leave the matrix nearly singular: the linear solver's 1e-11 comes "
+    "back as 1e-7"
 )
 
 

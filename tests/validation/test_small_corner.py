@@ -22,8 +22,8 @@ from mpm_fenicsx import DM_GC, GhostPenalty
 pytestmark = pytest.mark.validation
 
 WEAK = (
-    "the part `cut` of the traction falls on empty nodes; the penalty holds them with "
-    "0.03 of a cell's stiffness"
+    "the part `cut` of the traction falls on empty nodes; the penalty holds them with 0.03 of a "
+    "cell's stiffness"
 )
 CUTS = 10.0 ** -np.arange(2.0, 8.5)
 CURE = [GhostPenalty()]

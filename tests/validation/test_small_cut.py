@@ -17,8 +17,8 @@ pytestmark = pytest.mark.validation
 SOIL, H, N, STRESS, MISS = dense.SOIL, 0.25, 4, 100e3, 0.01
 CUTS = (1e-2, 1e-4, 1e-6, 1e-8)
 LOST = (
-    "points without extent do not reach the cut cell: of the traction on it, the part "
-    "`cut` falls on empty nodes"
+    "points without extent do not reach the cut cell: of the traction on it, the part `cut` falls "
+    "on empty nodes"
 )
 
 

@@ -27,12 +27,12 @@ SOIL, H, N, STEPS = LinearElastic(young=100e6, poisson=0.0, density=1500.0), 0.2
 BETA = np.pi / 2 / (N * H)
 OMEGA = BETA * SOIL.p_speed
 GAINS = (
-    "points take more force from the patch's strain than the matrix of (7) has: energy "
-    "grows by up to 1e-3"
+    "points take more force from the patch's strain than the matrix of (7) has: energy grows by up "
+    "to 1e-3"
 )
 LOSES = (
-    "points move 0.4 cells across edges, which costs energy; it never grows but for the "
-    "first period's 1 %"
+    "points move 0.4 cells across edges, which costs energy; it never grows but for the first "
+    "period's 1 %"
 )
 METHODS = [(None, 1), *((mapping, 1) for mapping in POINTS), (DM_GC, 0)]
 
