@@ -83,7 +83,7 @@ class StepMap:
             (owner, name, getattr(owner, name).copy())
             for owner, names in (
                 (self.body, ("x", "half", "volume")),
-                *((patch.points, ("x", "normal", "area")) for patch in run.scene.patches.values()),
+                *((patch.points, ("x", "normal", "area")) for patch in run.scene.patches),
             )
             for name in names
         ]

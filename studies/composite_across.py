@@ -116,10 +116,8 @@ def block(
 ) -> dict:
     """Energy left (-) in a free block, ``offset`` cells off the grid lines."""
     h, (nx, ny) = 0.25, cells
-    grid, stepping = (
-        Grid.box((0, 0), (2 * nx * h, 2 * ny * h), (2 * nx, 2 * ny)),
-        Newmark(courant * h / soil.p_speed),
-    )
+    grid = Grid.box((0, 0), (2 * nx * h, 2 * ny * h), (2 * nx, 2 * ny))
+    stepping = Newmark(courant * h / soil.p_speed)
     body = MaterialPoints.fill(
         grid,
         soil,

@@ -179,10 +179,8 @@ def main(arguments=None) -> list[dict]:
         every = round(row["dt"] / steps[-1])
         for key, way in (("self", row["way"]), ("fe", "FE")):
             if row["reason"] is None and way in finest and row is not finest[way]:
-                known, mine = (
-                    np.array(finest[way]["settlement"])[::every],
-                    np.array(row["settlement"]),
-                )
+                known = np.array(finest[way]["settlement"])[::every]
+                mine = np.array(row["settlement"])
                 row[key] = float(np.linalg.norm(mine - known) / np.linalg.norm(known))
         shown = [
             f"{100 * row[key]:6.2f} %" if row[key] is not None else "       -"

@@ -113,10 +113,8 @@ def measure(mapping, load=DeadLoad, until=END, **options) -> dict:
     """A row: histories of settlement (m), work and energy not found (J), loaded area (m²), and why
     it stopped."""
     run, strip = scene(mapping, load, **options)
-    energy, at = (
-        run.record(Energy()),
-        run.record(Probe("displacement", (foundation.axis, foundation.height))),
-    )
+    energy = run.record(Energy())
+    at = run.record(Probe("displacement", (foundation.axis, foundation.height)))
     area, reason = [1.0], None
 
     def stretched(_):

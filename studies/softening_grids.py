@@ -25,10 +25,8 @@ def measure(method: str, cell: float, length: float | None) -> dict:
     """Settlement and plastic work at the end of the pulse."""
     scene.cell, scene.soil = cell, replace(scene.soil, length=length)
     run = scene.elements(5e-3, Newton()) if method == "FE" else scene.points(5e-3, Newton(), DM_GC)
-    probe, energy = (
-        run.record(Probe("displacement", (scene.width / 2, scene.height))),
-        run.record(Energy()),
-    )
+    probe = run.record(Probe("displacement", (scene.width / 2, scene.height)))
+    energy = run.record(Energy())
     run.until(scene.end)
     return {
         "method": method,

@@ -89,7 +89,7 @@ def history(
     """After each step: time over L/c, stress at the faces over ρ c v, velocities over v, distance
     over v L/c, momentum lost over that of one bar, energy over that at the start."""
     v, h = speed * C, LENGTH / n
-    faces = [patch.points for one in run.runs for patch in one.scene.patches.values()]
+    faces = [patch.points for one in run.runs for patch in one.scene.patches]
     momentum = [sum(body.mass @ body.velocity[:, 0] for body in run.bodies)]
     energy = [sum(run.energy().values())]
     found: dict[str, list] = {

@@ -344,10 +344,8 @@ def lacking(cells: tuple[int, ...], material, stepping, mapping, end: float, fol
         newton=Newton(1e-12),
         solver=EXACT if dynamic else None,
     )
-    energy, probe = (
-        run.record(Energy()) if whole else None,
-        run.record(Probe("stress", (0.5,) * dim)),
-    )
+    energy = run.record(Energy()) if whole else None
+    probe = run.record(Probe("stress", (0.5,) * dim))
     run.record(Snapshots(folder / "shot"))
     run.record(Checkpoint(folder / "check"))
     for _ in range(2):
@@ -481,7 +479,7 @@ def refusals(comm: MPI.Comm) -> dict:
     out["surface outside"] = {"": [comm.allreduce(heard) / comm.size]}
     body = MaterialPoints.fill(grid, CLAY, 4)
     if comm.rank == comm.size - 1:
-        body.size[:] = 1e6
+        body.parameters["size"][:] = 1e6
     heard = 0
     try:
         Simulation(grid, body, Newmark(1e-4), [])

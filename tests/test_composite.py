@@ -27,10 +27,8 @@ class Polynomial:
     """Random polynomial vector, of its own degree in each direction (dim,), centred on a place."""
 
     def __init__(self, degree, centre, rng):
-        self.centre, self.coefficient = (
-            centre,
-            rng.normal(size=(len(degree), *(k + 1 for k in degree))),
-        )
+        self.centre = centre
+        self.coefficient = rng.normal(size=(len(degree), *(k + 1 for k in degree)))
 
     def __call__(self, x, along=None):
         out = self.coefficient[None] * np.ones((len(x),) + (1,) * self.coefficient.ndim)

@@ -50,10 +50,8 @@ def bars(
     """Two bars of ``n`` cells on a line, ``gap`` cells apart, at ``velocities`` (c), ``places``
     cells off the lines."""
     cells = sum(n) + 8
-    grid, stepping = (
-        Grid.box((0, 0), (cells * H, H), (cells, 1)),
-        stepping or Newmark(courant * H / C),
-    )
+    grid = Grid.box((0, 0), (cells * H, H), (cells, 1))
+    stepping = stepping or Newmark(courant * H / C)
     runs = []
     for k, start in ((0, 3), (1, 4 + n[0])):
         body = MaterialPoints.fill(
@@ -342,10 +340,8 @@ def resting(dim=2, slide=0.0, ramp=None):
     """A block on a wider one, under gravity that comes within ``ramp`` steps."""
     soil, y = LinearElastic(20e6, 0.3, 1500.0), dim - 1
     cells = (*(9,) * (dim - 1), 5)
-    grid, stepping = (
-        Grid.box((0,) * dim, tuple(n * H for n in cells), cells),
-        Newmark(0.5 * H / soil.p_speed),
-    )
+    grid = Grid.box((0,) * dim, tuple(n * H for n in cells), cells)
+    stepping = Newmark(0.5 * H / soil.p_speed)
     base = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: x[y] < 2 * H)
     block = MaterialPoints.fill(
         grid,

@@ -251,10 +251,8 @@ def test_a_full_disk_costs_a_file_and_nothing_else(kind, tmp_path):
     """Step 2 cannot write: all else has its data, the old files stay, and the run goes on as if
     nothing had been."""
     run, calm = (squeezed(kind, SOIL, Newmark(1e-3)) for _ in range(2))
-    shots, keep = (
-        run.record(Snapshots(tmp_path / "block")),
-        run.record(Checkpoint(tmp_path / "state.npz")),
-    )
+    shots = run.record(Snapshots(tmp_path / "block"))
+    keep = run.record(Checkpoint(tmp_path / "state.npz"))
     probe, energy = run.record(Probe("stress", (0.5, 0.5))), run.record(Energy())
     run.step()
     kept = keep.path.read_bytes()

@@ -130,10 +130,8 @@ def test_a_bar_vibrates_with_the_frequency_of_its_mode():
 
 def test_a_viscous_base_takes_a_plane_wave_whole():
     """One row of elements, a smooth pulse: the energy left is the grid's dispersion."""
-    grid, soil = (
-        Grid.box((0, 0), (0.5, 20), (1, 80)),
-        LinearElastic(young=20e6, poisson=0.25, density=1500.0),
-    )
+    grid = Grid.box((0, 0), (0.5, 20), (1, 80))
+    soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
     left = {}
     for name, term in (
         ("viscous", Viscous(grid.facets("bottom"), soil)),
@@ -261,7 +259,7 @@ def test_springs_keep_what_they_bear_however_their_facets_are_named():
     with pytest.raises(ValueError, match=r"part of the facets \('left', 'right'\) springs .* own"):
         run(both, start=half)
     new = run(left, right, start=half)  # the right ones start unstressed, and the left ones go on
-    kept, fresh = (patch._total.x.array for patch in list(new.scene.patches.values())[1:])
+    kept, fresh = (patch._total.x.array for patch in new.scene.patches[1:])
     assert np.array_equal(kept, half.displacement.x.array) and not fresh.any()
     with pytest.warns(UserWarning, match=r"\('right',\) start unstressed, .*\('left',\) is gone"):
         run(right, start=half)

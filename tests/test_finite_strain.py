@@ -208,11 +208,9 @@ def disc(grid, law):
 def test_a_body_turns_all_the_way_without_stress(kind, dim):
     grid = dense.uneven(dim)
     body = disc(grid, SOIL)
-    run, θ, start = (
-        Simulation(grid, body, QuasiStatic(1), [], kind),
-        math.radians(10.0),
-        body.x.copy(),
-    )
+    run = Simulation(grid, body, QuasiStatic(1), [], kind)
+    θ = math.radians(10.0)
+    start = body.x.copy()
     R = np.eye(dim)
     R[:2, :2] = [[math.cos(θ), -math.sin(θ)], [math.sin(θ), math.cos(θ)]]
     for _ in range(36):

@@ -333,10 +333,8 @@ def test_a_load_that_stays_as_it_is_counts_as_one_that_is_constant(surface):
     for held in (False, True):
         grid = Grid.box((0, 0), (1, 1), (2, 2))
         body = MaterialPoints.fill(grid, SOIL, 4)
-        on, load = (
-            body.surface("right") if surface == "points" else grid.facets("right"),
-            (-300.0, 0.0),
-        )
+        on = body.surface("right") if surface == "points" else grid.facets("right")
+        load = (-300.0, 0.0)
         if held and surface == "points":
             load = np.tile(load, (len(on), 1))
         elif held:

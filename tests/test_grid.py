@@ -319,10 +319,8 @@ def test_grid_lines_that_do_not_increase_are_refused(line):
 
 @pytest.mark.parametrize("ranks", [1, 2, 3, 5])
 def test_owners_are_even_and_ghosts_are_the_vertex_neighbours(monkeypatch, grid, ranks):
-    cells, x = (
-        grid.lattice.nodes.astype(np.int64),
-        grid.space.tabulate_dof_coordinates()[:, : grid.dim],
-    )
+    cells = grid.lattice.nodes.astype(np.int64)
+    x = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
     monkeypatch.setattr(
         dolfinx_versions, "create_mesh", lambda comm, x, cells, owners: owners(ranks)
     )

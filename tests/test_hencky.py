@@ -139,21 +139,16 @@ def responses(body, f):
     dim, n, law = body.dim, len(body), body.material
     J, rows = volume_ratio(body), np.arange(len(body), dtype=np.int32)
     state = FINITE_STRAIN.state(law, J[:, None] * body.stress)
-    strain, values, vectors = FINITE_STRAIN.trial(state, f - np.eye(dim), rows, rows)
-    τ, _, D = law.tangent(strain, np.zeros_like(strain), body.history, None)
+    strain, *eigen = FINITE_STRAIN.trial(state, f - np.eye(dim), rows, rows)
+    τ, _, D = law.tangent(strain, np.zeros_like(strain), body.remembered)
     P, A = np.empty((n, dim**2)), np.empty((n, dim**2 * (dim**2 + 1) // 2))
     hencky_strain.nominal(
-        tuple(range(dim)),
+        (tuple(range(dim)), SHEAR[dim], tensors.in_plane(dim)),
         f,
         1.0 / J,
-        rows,
-        rows,
-        SHEAR[dim],
-        tensors.in_plane(dim),
-        τ,
-        D,
-        values,
-        vectors,
+        (rows, rows),
+        (τ, D),
+        tuple(eigen),
         P,
         A,
     )

@@ -21,10 +21,8 @@ def stencil(request, grid, points):
 def dense(stencil):
     """Weights (n, nodes) and gradients (n, nodes, dim) of a stencil as full arrays."""
     n = len(stencil)
-    weights, gradients = (
-        np.zeros((n, stencil.grid.nodes)),
-        np.zeros((n, stencil.grid.nodes, stencil.grid.dim)),
-    )
+    weights = np.zeros((n, stencil.grid.nodes))
+    gradients = np.zeros((n, stencil.grid.nodes, stencil.grid.dim))
     rows = np.arange(n)[:, None]
     np.add.at(weights, (rows, stencil.nodes), stencil.values)
     np.add.at(gradients, (rows, stencil.nodes), stencil.gradients)
@@ -40,10 +38,8 @@ def test_digits_count_with_the_first_direction_fastest():
 
 def test_deposit_and_interpolation_are_the_dense_products(stencil):
     weights, gradients = dense(stencil)
-    values, field = (
-        rng.normal(size=(len(stencil), 5)),
-        rng.normal(size=(stencil.grid.nodes, stencil.grid.dim)),
-    )
+    values = rng.normal(size=(len(stencil), 5))
+    field = rng.normal(size=(stencil.grid.nodes, stencil.grid.dim))
     nodal = np.ones((stencil.grid.nodes, 5))
     stencil.deposit(values, nodal)
     np.testing.assert_allclose(nodal, 1 + weights.T @ values, rtol=0, atol=1e-12)
@@ -55,10 +51,8 @@ def test_deposit_and_interpolation_are_the_dense_products(stencil):
 def test_internal_force_is_the_adjoint_of_the_gradient(stencil):
     """Σ_i f_i · u_i = Σ_p σ_p : ∇u(x_p) for any u and any σ, symmetric or not."""
     dim = stencil.grid.dim
-    stress, u = (
-        rng.normal(size=(len(stencil), dim, dim)),
-        rng.normal(size=(stencil.grid.nodes, dim)),
-    )
+    stress = rng.normal(size=(len(stencil), dim, dim))
+    u = rng.normal(size=(stencil.grid.nodes, dim))
     force = np.zeros_like(u)
     stencil.deposit_divergence(stress, force)
     assert (force * u).sum() == pytest.approx(

@@ -360,7 +360,7 @@ def test_a_law_that_softens_by_its_cell_looks_at_its_own_cells_alone():
     grid = Grid.rectilinear([np.array([0.0, 0.1]), np.array([0.0, 1.0, 1.1, 1.2, 1.3])])
     below = LinearElastic(50e6, 0.2, 1800.0)
     with pytest.raises(ValueError, match="where a point snaps back"):
-        law.modulus(np.sqrt(0.1))
+        law.modulus({"size": np.sqrt(0.1)})
     load = 1.05 * strength(law)
     run = FiniteElements(
         grid,

@@ -89,10 +89,8 @@ def test_weights_are_complete(dim, data):
     node = grid.space.tabulate_dof_coordinates()[:, :dim]
     unity = np.broadcast_to(np.eye(dim), (len(x), dim, dim))
     for extent in (None, half):
-        stencil, (a, b) = (
-            placed(grid, x, extent),
-            domains(lines, x, 0 * x if extent is None else extent),
-        )
+        stencil = placed(grid, x, extent)
+        (a, b) = domains(lines, x, 0 * x if extent is None else extent)
         assert (stencil.values > -1e-14).all()
         np.testing.assert_allclose(stencil.values.sum(axis=1), 1, rtol=0, atol=1e-14)
         np.testing.assert_allclose(stencil.at_points(node), (a + b) / 2, rtol=0, atol=1e-14 * far)
@@ -121,10 +119,8 @@ def test_internal_force_has_no_sum_and_its_virial_is_the_stress(dim, data, mappi
     body, (far, h) = strewn_body(data.draw, lines, np.random.default_rng(seed)), size_of(lines)
     run = Simulation(grid_of(lines), body, Newmark(1e-3), [], mapping)
     run.prepare(0.0, 1e-3)
-    f, work = (
-        run._internal_force().reshape(-1, dim),
-        body.volume[:, None, None] * tensors.matrix(body.stress, dim),
-    )
+    f = run._internal_force().reshape(-1, dim)
+    work = body.volume[:, None, None] * tensors.matrix(body.stress, dim)
     scale = np.abs(work).sum()
     np.testing.assert_allclose(f.sum(axis=0), 0, rtol=0, atol=1e-14 * scale / h)
     virial = f.T @ run.grid.space.tabulate_dof_coordinates()[:, :dim]
@@ -144,10 +140,8 @@ def test_projected_moments_are_those_of_the_points(dim, data, averaged):
     lines = data.draw(lines_of(dim))
     x, half = data.draw(strewn(lines))
     middle = np.array([(line[0] + line[-1]) / 2 for line in lines])
-    half, mass = (
-        half if averaged else 0 * half,
-        np.random.default_rng(len(x)).uniform(0.5, 2.0, len(x)),
-    )
+    half = half if averaged else 0 * half
+    mass = np.random.default_rng(len(x)).uniform(0.5, 2.0, len(x))
     a, b = (end - middle for end in domains(lines, x, half))
     mean = np.stack((np.ones_like(a), (a + b) / 2, (a * a + a * b + b * b) / 3))
     grid = grid_of(lines)
@@ -267,12 +261,10 @@ def test_a_step_elsewhere_and_on_the_move_is_the_same(dim, mapping, law, seed):
     knows of it."""
     rng = np.random.default_rng(seed)
     lines, body, g = scene(dim, law, rng, on_lines=True)
-    s, c, b, Δt = (
-        rng.integers(-300, 300, dim) / 32.0,
-        10 * rng.normal(size=dim),
-        100 * rng.normal(size=dim),
-        2e-3,
-    )
+    s = rng.integers(-300, 300, dim) / 32.0
+    c = 10 * rng.normal(size=dim)
+    b = 100 * rng.normal(size=dim)
+    Δt = 2e-3
     sweeps, one = rng.integers(4), np.eye(dim)
     there = stepped(
         [line + by for line, by in zip(lines, s, strict=True)],

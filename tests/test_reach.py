@@ -52,11 +52,8 @@ def look(grid, terms, stepping=STEPPINGS["dynamic"], mapping=DM_GC, body=None):
     """What a Simulation does when it is built, without compiling anything."""
     body = column(grid) if body is None else body
     scene = dense.bare_scene(grid, stepping)
-    for term in terms:
-        term.bind(scene)
-    check_reach(
-        scene, terms, [body], [grid.find(body.x)], [Stencil(grid, len(body), mapping.support)]
-    )
+    scene.bind(terms)
+    check_reach(scene, [body], [grid.find(body.x)], [Stencil(grid, len(body), mapping.support)])
 
 
 LOADS = {

@@ -405,8 +405,8 @@ def test_a_recorder_attached_late_starts_there(kind):
 def test_names_of_energies():
     run = shaken(None, 2)
     energy = run.record(Energy())
-    assert Energy.NAMES == ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
-    for name in Energy.NAMES:
+    assert Energy.USUAL == ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
+    for name in Energy.USUAL:
         np.testing.assert_array_equal(energy[name], [0.0])
     with pytest.raises(ValueError, match=r"name must be one of work, kinetic, .*got 'heat'"):
         energy["heat"]

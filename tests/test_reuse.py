@@ -104,9 +104,7 @@ def test_the_kept_matrix_bounds_the_true_one(dim, mapping, limit):
         true = slide(dim, mapping, 0.0, size=size)
         for name, value in true.bodies[0].state().items():
             value[...] = getattr(run.bodies[0], name)
-        for theirs, ours in zip(
-            true.scene.patches.values(), run.scene.patches.values(), strict=True
-        ):
+        for theirs, ours in zip(true.scene.patches, run.scene.patches, strict=True):
             for name, value in theirs.state().items():
                 value[...] = ours.state()[name]
         true.prepare(run.time, run.next_time)
@@ -128,10 +126,8 @@ def test_the_kept_matrix_bounds_the_true_one(dim, mapping, limit):
 def test_samples_are_values_at_gauss_points(dim, integration):
     """Those of x^α for every α that the space holds."""
     n, rng = integration.degree + 1, np.random.default_rng(3)
-    sample, gauss = (
-        at_quadrature(integration, dim),
-        np.polynomial.legendre.leggauss((integration.quadrature + 1) // 2),
-    )
+    sample = at_quadrature(integration, dim)
+    gauss = np.polynomial.legendre.leggauss((integration.quadrature + 1) // 2)
     place, nodes = 0.5 * (1.0 + gauss[0]), np.linspace(0.0, 1.0, n)
     factor = rng.normal(size=(dim, n))
 

@@ -126,9 +126,9 @@ def test_terms_do_not_give_a_default_the_place(grid, make):
     found = []
     for function in (lambda t: (0.0, 2.0 * t), *RAMPS.values()):
         scene = dense.bare_scene(grid, Newmark(0.5))
-        work = (
-            make(MaterialPoints.fill(grid, dense.SOIL, 4).surface("top"), function).bind(scene).work
-        )
+        work = scene.bind(
+            [make(MaterialPoints.fill(grid, dense.SOIL, 4).surface("top"), function)]
+        )[-1].work
         scene.prepare(0.0, 0.5)
         found.append(dense.vector(grid.space, work))
     assert np.abs(found[0]).max() > 0.0
@@ -150,7 +150,7 @@ def test_terms_do_not_give_a_default_the_place(grid, make):
 )
 def test_supports_move_by_whatever_can_be_called_with_a_time(grid, value):
     scene = dense.bare_scene(grid, QuasiStatic(2))
-    Fixed(grid.facets("top"), "y", value).bind(scene)
+    scene.bind([Fixed(grid.facets("top"), "y", value)])[-1]
     scene.prepare(0.0, 0.5)
     (known,) = scene.motion.moved
     assert known.increment == pytest.approx(1.0, rel=1e-12)
@@ -211,8 +211,8 @@ def test_terms_on_one_surface_share_its_patch(grid):
     body = MaterialPoints.fill(grid, dense.SOIL, 4)
     bottom, top = grid.facets("bottom"), body.surface("top")
     for on in (bottom, top):
-        Viscoelastic(on, dense.SOFT, 2.0).bind(scene)
-        Traction(on, (1.0, 2.0)).bind(scene)
+        scene.bind([Viscoelastic(on, dense.SOFT, 2.0)])[-1]
+        scene.bind([Traction(on, (1.0, 2.0))])[-1]
     assert len(scene.patches) == 2
     scene.prepare(0.0, 0.01)
     before = top.x.copy()
@@ -230,7 +230,7 @@ def test_surface_points_follow_a_linear_motion_as_nanson_says():
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         on = SurfacePoints(x, normal, np.ones(7))
         scene = dense.bare_scene(grid, Newmark(0.01))
-        Viscous(on, dense.SOFT).bind(scene)
+        scene.bind([Viscous(on, dense.SOFT)])[-1]
         scene.prepare(0.0, 0.01)
         H = 0.1 * rng.normal(size=(dim, dim))
         scene.motion.u.x.array[:] = dense.at_nodes(grid, lambda y, H=H: y @ H.T)
@@ -302,10 +302,10 @@ def test_only_composite_mappings_have_patches(grid, mapping):
 
 def test_a_scene_without_terms_has_nothing_to_prepare(grid):
     run = Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [])
-    assert run.scene.patches == {}
-    assert run.scene.before == []
+    assert run.scene.patches == [] and run.scene.contributions == []
     assert run.scene.fixed == []
-    assert len(Simulation(grid, run.bodies, Newmark(1e-3), [Gravity((0, -1))]).scene.before) == 1
+    loaded = Simulation(grid, run.bodies, Newmark(1e-3), [Gravity((0, -1))]).scene
+    assert [len(contribution.before) for contribution in loaded.contributions] == [1]
 
 
 def test_the_tangent_has_no_dashpots_without_a_dashpot(grid):
@@ -326,7 +326,7 @@ def test_a_load_outlives_the_form_it_was_made_for(grid):
     scene = dense.bare_scene(grid, Newmark(0.01))
     loads = []
     for value in ((1.0, 2.0), lambda t, x: x):
-        work = Traction(grid.facets("top"), value).bind(scene).work
+        work = scene.bind([Traction(grid.facets("top"), value)])[-1].work
         mine = [f for f in (*work.coefficients(), *work.constants()) if f not in (scene.motion.u,)]
         loads += [
             weakref.ref(f) for f in mine if hasattr(f, "value") or f.function_space != grid.space

@@ -64,10 +64,8 @@ class RestingColumn:
         self.speed = G * height / SOIL.p_speed  # σ/(ρ c)
 
     def _grid(self, beside, below, above):
-        lower, upper = (
-            [-beside] * (self.dim - 1) + [-below],
-            [1 + beside] * (self.dim - 1) + [self.height + above],
-        )
+        lower = [-beside] * (self.dim - 1) + [-below]
+        upper = [1 + beside] * (self.dim - 1) + [self.height + above]
         return Grid.box(
             lower, upper, [round((b - a) / self.h) for a, b in zip(lower, upper, strict=True)]
         )
@@ -251,7 +249,7 @@ def test_tractions_of_elements_sum_to_the_nodal_reactions():
     assert left < 1e-10
     terms = run.reactions(*(grid.facets(side) for side in ("left", "right", "bottom")))
     found = sum(
-        -dense.vector(grid.space, term.bind(dense.bare_scene(grid, Newmark(1.0))).work)
+        -dense.vector(grid.space, dense.bare_scene(grid, Newmark(1.0)).bind([term])[-1].work)
         for term in terms
     )
     assert np.abs(found - borne).max() < 1e-10 * np.abs(borne).max()
@@ -356,11 +354,11 @@ def test_what_cannot_be_carried_over_is_refused(rng):
             call()
     for value in (np.zeros((3, 2)), np.full(on[0].x.shape, np.nan), grid_field(grid)):
         with pytest.raises(ValueError, match="a load on surface points must be"):
-            Traction(on[0], value).bind(dense.bare_scene(grid, Newmark(1e-3)))
+            dense.bare_scene(grid, Newmark(1e-3)).bind([Traction(on[0], value)])[-1]
     with pytest.raises(ValueError, match="vector on the grid's mesh"):
-        Traction(grid.facets("top"), grid_field(dense.uneven(2))).bind(
-            dense.bare_scene(grid, Newmark(1e-3))
-        )
+        dense.bare_scene(grid, Newmark(1e-3)).bind(
+            [Traction(grid.facets("top"), grid_field(dense.uneven(2)))]
+        )[-1]
 
 
 def grid_field(grid):
@@ -467,7 +465,7 @@ def test_a_dashpot_just_over_a_corner_keeps_the_matrix_exact_in_its_smallest_row
     grid = Grid.box((0, 0), (3, 3), (3, 3))
     on = SurfacePoints([[2 - beyond, 1 + beyond]], [[0.6, 0.8]], [1.0])
     scene = dense.bare_scene(grid, Newmark(1e-2))
-    work = Viscous(on, SOIL).bind(scene).work
+    work = scene.bind([Viscous(on, SOIL)])[-1].work
     scene.prepare(0.0, 1e-2)
     K = dense.matrix(ufl.derivative(work, scene.motion.u, ufl.TrialFunction(grid.space)))
     N = dense.hats(grid, on.x)

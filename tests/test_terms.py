@@ -38,7 +38,7 @@ def rng():
 def system(grid, term, rng=None, start=0.3):
     """Residual and matrix of one term, for a random motion if ``rng`` is given, and its scene."""
     scene = dense.bare_scene(grid, STEPPING)
-    work = term.bind(scene).work
+    work = scene.bind([term])[-1].work
     scene.prepare(start, start + DT)
     motion = scene.motion
     if rng is not None:
@@ -113,7 +113,7 @@ def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
     found = []
     for on in surfaces:
         scene = dense.bare_scene(grid, STEPPING)
-        work = Viscoelastic(on, dense.SOFT, 3.0).bind(scene).work
+        work = scene.bind([Viscoelastic(on, dense.SOFT, 3.0)])[-1].work
         for u in increments:
             scene.prepare(0.0, DT)
             scene.motion.u.x.array[:] = u
@@ -149,7 +149,7 @@ def test_a_uniform_velocity_meets_the_impedances(dim, rng):
         across = rng.normal(size=dim)
         across -= across @ n * n
         scene = dense.bare_scene(grid, STEPPING)
-        work = Viscous(on, dense.SOFT).bind(scene).work
+        work = scene.bind([Viscous(on, dense.SOFT)])[-1].work
         scene.prepare(0.0, DT)
         for v, speed in ((n, dense.SOFT.p_speed), (across, dense.SOFT.s_speed)):
             scene.motion.nodal(scene.motion.u)[:] = (
@@ -209,11 +209,9 @@ def test_a_stiff_block_on_springs_and_dashpots_is_an_oscillator(where, direction
     )
     start = body.x.copy()
     G = rock.lame[1]
-    m, c, k = (
-        2000.0 * height,
-        rock.density * (rock.s_speed, rock.p_speed)[direction],
-        (G / 2 / r, 2 * G / r)[direction],
-    )
+    m = 2000.0 * height
+    c = rock.density * (rock.s_speed, rock.p_speed)[direction]
+    k = (G / 2 / r, 2 * G / r)[direction]
     U = v = a = 0.0
     history = []
     for step in range(1, 41):
@@ -250,7 +248,7 @@ def test_a_dead_load_keeps_its_force_where_the_surface_stretches(dim, rng):
         DeadLoad(on, tuple(value)),
         Traction(on, tuple(value)),
     ]
-    work = [term.bind(scene).work for term in terms]
+    work = [scene.bind([term])[-1].work for term in terms]
     on.area *= 4.0
     scene.prepare(0.0, 1.0)
     for term, form in zip(terms, work, strict=True):
@@ -295,7 +293,7 @@ def test_gravity_is_the_weight(dim):
     scene = dense.bare_scene(grid, STEPPING)
     scene.density = 1500.0
     g = np.arange(1.0, dim + 1)
-    work = Gravity(lambda t: g * t).bind(scene).work
+    work = scene.bind([Gravity(lambda t: g * t)])[-1].work
     scene.prepare(1.0, 2.0)
     force = -dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0)
     np.testing.assert_allclose(

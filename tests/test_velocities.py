@@ -210,11 +210,9 @@ def test_transfers_by_their_formulae():
 def test_a_body_that_falls_with_constant_acceleration_is_where_it_should_be(
     mapping, transfer, sweeps
 ):
-    grid, g, dt = (
-        Grid.rectilinear([np.array([0, 0.4, 0.9, 1.5, 2.0])] * 2),
-        np.array([4.0, 2.0]),
-        0.05,
-    )
+    grid = Grid.rectilinear([np.array([0, 0.4, 0.9, 1.5, 2.0])] * 2)
+    g = np.array([4.0, 2.0])
+    dt = 0.05
     body = MaterialPoints.fill(
         grid, dense.SOIL, 4, jitter=0.4, inside=lambda x: ((x > 0.4) & (x < 1.0)).all(axis=0)
     )

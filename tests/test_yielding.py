@@ -51,10 +51,8 @@ def weights_by_hand(grid, body, support):
     cell = grid.find(body.x)
     h_of = (lat.upper - lat.lower)[cell]
     half = np.minimum(body.half, h_of / 2)
-    low, high = (
-        np.maximum(body.x - half, grid.lower_corner),
-        np.minimum(body.x + half, grid.upper_corner),
-    )
+    low = np.maximum(body.x - half, grid.lower_corner)
+    high = np.minimum(body.x + half, grid.upper_corner)
     out = {}
     for c in range(grid.cells):
         h = lat.upper[c] - lat.lower[c]
@@ -330,10 +328,8 @@ def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
     """Uniaxial strain into the residual range: the traction that it bears is the law's stress at
     its strain."""
     grid = Grid.box((0,) * dim, (2.0,) * dim, (1,) * dim)
-    law, held = (
-        VonMises(ELASTIC, 10e3, 6e3, 1e6),
-        {"left": "x", "right": "x", "bottom": "y", "top": "y"},
-    )
+    law = VonMises(ELASTIC, 10e3, 6e3, 1e6)
+    held = {"left": "x", "right": "x", "bottom": "y", "top": "y"}
     base, top, up = ("bottom", "top", 1) if dim == 2 else ("back", "front", 2)
     sides = [Fixed(grid.facets(side), held[side]) for side in list(held)[: 2 * dim - 2]]
     load = np.zeros(dim)

@@ -75,3 +75,11 @@ def von_mises(stress: np.ndarray) -> np.ndarray:
 def in_plane(dim: int) -> np.ndarray:
     """Components that do work in the plane: (xx, yy, xy) of a plane strain row, all six in 3D."""
     return np.array([*range(dim), *range(3, components(dim))])
+
+
+def entries(size: int, symmetric: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the entries of a matrix (size, size) that are carried, row by row: the
+    upper triangle of a symmetric one, else all."""
+    if symmetric:
+        return np.triu_indices(size)
+    return tuple(index.ravel() for index in np.indices((size, size)))

@@ -147,10 +147,8 @@ class Grid:
                 order = (
                     [0, 1, 3, 2] if kind == "quad" else [0, 1, 3, 2, 4, 5, 7, 6]
                 )  # ring to tensor order
-                x, cells = (
-                    read.points[:, : 2 if kind == "quad" else 3],
-                    blocks[kind][:, order].astype(np.int64),
-                )
+                x = read.points[:, : 2 if kind == "quad" else 3]
+                cells = blocks[kind][:, order].astype(np.int64)
                 used, cells = np.unique(cells, return_inverse=True)
                 x, cells = x[used], cells.reshape(-1, len(order)).astype(np.int64)
                 fault = _out_of_plane(read.points[used]) if kind == "quad" else None

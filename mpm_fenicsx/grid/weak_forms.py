@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from ufl import Identity, as_matrix, as_vector, div, dot, grad, inner, jump, outer, sym, tr
 
-from ..common.tensors import SHEAR
+from ..common.tensors import SHEAR, entries
 
 
 def strain(u):
@@ -39,12 +39,16 @@ def row(ε):
     return as_vector([ε[i, i] for i in range(dim)] + [2 * ε[i, j] for i, j in SHEAR[dim]])
 
 
-def symmetric(numbers):
-    """Symmetric matrix of its upper triangle, row by row."""
-    size = int((8 * len(numbers) + 1) ** 0.5 - 1) // 2
-    at = {pair: k for k, pair in enumerate(zip(*np.triu_indices(size), strict=True))}
+def square(numbers, size: int):
+    """Matrix (size, size) of its entries row by row or, where there are fewer, symmetric of its
+    upper triangle."""
+    whole = len(numbers) == size**2
+    at = {pair: k for k, pair in enumerate(zip(*entries(size, not whole), strict=True))}
     return as_matrix(
-        [[numbers[at[min(i, j), max(i, j)]] for j in range(size)] for i in range(size)]
+        [
+            [numbers[at[(i, j) if whole else (min(i, j), max(i, j))]] for j in range(size)]
+            for i in range(size)
+        ]
     )
 
 
@@ -54,8 +58,9 @@ def plastic_work(stress, w):
 
 
 def plastic_stiffness(tangent, u, w):
-    """Its derivative, ``tangent`` the upper triangle of ∂σ/∂ε (Pa)."""
-    return inner(symmetric(tangent) * row(strain(u)), row(strain(w)))
+    """Its derivative, ``tangent`` the entries of ∂σ/∂ε, Pa (see ``square``)."""
+    ε, virtual = row(strain(u)), row(strain(w))
+    return inner(square(tangent, len(ε)) * ε, virtual)
 
 
 def flat(tensor):
@@ -69,8 +74,9 @@ def nominal_work(stress, w):
 
 
 def nominal_stiffness(tangent, u, w):
-    """Its derivative, ``tangent`` the upper triangle of ∂P/∂F (Pa)."""
-    return inner(symmetric(tangent) * flat(grad(u)), flat(grad(w)))
+    """Its derivative, ``tangent`` the entries of ∂P/∂F, Pa (see ``square``)."""
+    gradient, virtual = flat(grad(u)), flat(grad(w))
+    return inner(square(tangent, len(gradient)) * gradient, virtual)
 
 
 def inertia(density, acceleration, w):

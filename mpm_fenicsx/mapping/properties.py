@@ -34,7 +34,9 @@ class Properties:
         reuse: float = 0.0,
     ):
         self.grid, self._bodies, self._stencils = motion.grid, bodies, stencils
+        self._motion, self._mapping = motion, mapping
         self._mass, self._volume = mapping.mass, None
+        self._parts: list[Properties] = []
         self._alike = mapping.mass is mapping.integrate
         ways = [(mapping.mass, 3)] if self._alike else [(mapping.mass, 1), (mapping.integrate, 2)]
         self.projections = [Projection(self.grid, way, fields) for way, fields in ways]
@@ -49,10 +51,9 @@ class Properties:
         for projection in self.projections:
             projection.clear()
         for body, stencil in zip(self._bodies, self._stencils, strict=True):
-            mass, moduli = (
-                body.mass[:, None],
-                body.volume[:, None] * body.material.kinematics.lame(body.material),
-            )
+            mass = body.mass[:, None]
+            lame = body.material.kinematics.moduli(body)
+            moduli = np.stack(np.broadcast_arrays(*(body.volume * value for value in lame)), axis=1)
             given = [np.hstack((mass, moduli))] if self._alike else [mass, moduli]
             for projection, values in zip(self.projections, given, strict=True):
                 projection.add(stencil, values)
@@ -61,6 +62,22 @@ class Properties:
         for kept in self._kept:
             kept.refresh()
         self.project_volume()
+        for part in self._parts:
+            part.project()
+
+    def of(self, material) -> tuple:
+        """ρ, λ and μ of the bodies of one material, as fields that are kept up to date.
+
+        Raises ``ValueError`` where no body is of it.
+        """
+        rows = [n for n, body in enumerate(self._bodies) if body.material == material]
+        if not rows:
+            raise ValueError(f"no body is of the material {material!r}")
+        if len(rows) == len(self._bodies):
+            return tuple(self.fields)
+        bodies, stencils = ([things[n] for n in rows] for things in (self._bodies, self._stencils))
+        self._parts.append(Properties(self._motion, self._mapping, bodies, stencils))
+        return tuple(self._parts[-1].fields)
 
     def fills(self) -> Fills:
         """How full cells are: of mass where all bodies are as dense, else of volume, which then

@@ -107,11 +107,9 @@ class Ties:
             at = np.flatnonzero(light[patch[:, place]] & cells[: grid.owned_cells])
             for d in range(grid.dim):
                 step = (1 - 2 * corner[d]) * base[d]
-                a, b, beyond = (
-                    patch[at, place + step],
-                    patch[at, place + 2 * step],
-                    lat.neighbour[at, d, 1 - corner[d]],
-                )
+                a = patch[at, place + step]
+                b = patch[at, place + 2 * step]
+                beyond = lat.neighbour[at, d, 1 - corner[d]]
                 fits = (beyond >= 0) & known[a] & known[b] & cells[beyond]
                 ratio = h[at, d][fits] / h[beyond, d][fits]
                 rows.append(
@@ -342,11 +340,9 @@ class Holding:
         """``pointed`` (cells,): which hold a point; ``loaded`` (cells,): 2 where a part of a
         surface lies, with material or without, and 1 beside facets that bear a load."""
         grid, fills = self.ties.grid, self._fills
-        nodes, pointed, loaded = (
-            grid.lattice.nodes,
-            grid.share_cells(pointed),
-            grid.share_cells(loaded),
-        )
+        nodes = grid.lattice.nodes
+        pointed = grid.share_cells(pointed)
+        loaded = grid.share_cells(loaded)
         if not self._everywhere and not np.array_equal(loaded, self._loaded):
             self._loaded, self._near = loaded.copy(), np.flatnonzero(grid.lattice.spread(loaded))
         fills.weigh(self._near, pointed)

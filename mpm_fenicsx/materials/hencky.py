@@ -20,3 +20,4 @@ class Hencky(LinearElastic):
     """
 
     kinematics = FINITE_STRAIN
+    linear = False

@@ -138,9 +138,14 @@ def trial(h, E, across, at, of, shear, strain, values, vectors):
 
 
 @jit
-def _spatial(axes, stress, D, values, N, shear, plane, T, θ, Y, Z, row, out):
+def _spatial(layout, stress, D, values, N, work, row, out):
     """Write T, the stress as a matrix, and a of dτ - τ lᵀ = a : l, rows and columns ij in the order
-    i dim + j."""
+    i dim + j.
+
+    ``layout`` as in ``nominal``; ``work`` (T, θ, Y, Z), matrices to work in.
+    """
+    axes, shear, plane = layout
+    T, θ, Y, Z = work
     dim = len(axes)
     for i in range(dim):
         T[i, i] = stress[i]
@@ -183,24 +188,29 @@ def _spatial(axes, stress, D, values, N, shear, plane, T, θ, Y, Z, row, out):
 
 
 @jit
-def nominal(
-    axes, F, scale, at, of, shear, plane, stress, D, values, vectors, out_stress, out_tangent
-):
-    """Write P = s τ F⁻ᵀ, rows (m, dim²), and the upper triangle of its derivative, rows (m, dim²
-    (dim² + 1)/2).
+def nominal(layout, F, scale, pairs, law, eigen, out_stress, out_tangent):
+    """Write P = s τ F⁻ᵀ, rows (m, dim²), and its derivative, rows (m, dim⁴) or, of a symmetric one,
+    the upper triangle (m, dim² (dim² + 1)/2), whichever has room.
 
-    ``stress`` (m, components): τ and ``D`` its derivative by Hencky's strain, of every pair;
-    ``scale``: s of every state; ``axes`` as in ``kernels``.  Where F turns the body inside out they
-    are not numbers.
+    ``layout``: (axes, shear, plane), axes as in ``kernels``, pairs of directions of shear, and the
+    components in the plane; ``pairs``: which F and which state each is of; ``law``: τ (m,
+    components) and its derivative by Hencky's strain, of every pair; ``eigen``: eigenvalues and
+    eigenvectors of b; ``scale``: s of every state.  Where F turns the body inside out they are not
+    numbers.
     """
+    axes, _, plane = layout
+    at, of = pairs
+    stress, D = law
+    values, vectors = eigen
     dim = len(axes)
     n = dim * dim
+    whole = out_tangent.shape[1] == n * n
     T, θ, Y, Z, G = np.empty((5, dim, dim))
     row, a, half = np.empty(len(plane)), np.empty((n, n)), np.empty((n, n))
     for m in range(len(at)):
         det = inverse(F[at[m]], G)
         s = scale[of[m]] if det > 0.0 else np.nan
-        _spatial(axes, stress[m], D[m], values[m], vectors[m], shear, plane, T, θ, Y, Z, row, a)
+        _spatial(layout, stress[m], D[m], values[m], vectors[m], (T, θ, Y, Z), row, a)
         for i in range(dim):
             for J in range(dim):
                 t = 0.0
@@ -217,7 +227,7 @@ def nominal(
         c = 0
         for i in range(dim):
             for J in range(dim):
-                for col in range(i * dim + J, n):
+                for col in range(0 if whole else i * dim + J, n):
                     t = 0.0
                     for j in range(dim):
                         t += half[i * dim + j, col] * G[J, j]

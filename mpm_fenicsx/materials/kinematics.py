@@ -16,9 +16,15 @@ SHEAR = {dim: np.array(pairs) for dim, pairs in tensors.SHEAR.items()}
 class SmallStrain:
     """Strain increments ε(∇u) add up; the forms carry the elastic response."""
 
-    def lame(self, material) -> tuple[float, float]:
-        """Lamé's constants (Pa) of the elastic response that the forms carry."""
+    finite = False
+
+    def reference(self, material) -> tuple[float, float]:
+        """λ and μ (Pa) of the elastic response that the forms of finite elements carry."""
         return material.lame
+
+    def moduli(self, body) -> tuple:
+        """The same of material points, as they are now: two numbers or two (n,)."""
+        return body.material.moduli(body.stress, body.remembered, body.parameters)
 
     def respond(self, body, gradient: np.ndarray, volumetric: np.ndarray | None = None) -> None:
         """Give the points stress and history after the displacement gradients (n, dim, dim);
@@ -26,9 +32,7 @@ class SmallStrain:
         strain = tensors.strain(gradient)
         if volumetric is not None:
             strain = tensors.dilate(strain, volumetric)
-        body.stress, body.history = body.material.respond(
-            strain, body.stress, body.history, body.size
-        )
+        body.bear(*body.material.respond(strain, body.stress, body.remembered, body.parameters))
 
     def change(self, before: np.ndarray, after: np.ndarray, gradient: np.ndarray) -> np.ndarray:
         """What the step has changed of stress (n, dim, dim), Pa, per volume before it; rows (n,
@@ -37,11 +41,11 @@ class SmallStrain:
 
     def energy(self, body) -> float:
         """Strain energy (J)."""
-        return float(body.volume @ body.material.energy(body.stress))
+        return float(body.volume @ body.material.energy(body.stress, body.remembered))
 
     def plastic_work(self, body) -> float:
         """Plastic work (J)."""
-        return float(body.volume @ body.material.plastic_work(body.history, body.size))
+        return float(body.volume @ body.material.plastic_work(body.remembered, body.parameters))
 
 
 class FiniteStrain:
@@ -55,7 +59,13 @@ class FiniteStrain:
     ``finite_strain``.
     """
 
-    def lame(self, material) -> tuple[float, float]:
+    finite = True
+
+    def reference(self, material) -> tuple[float, float]:
+        """None of the response is linear."""
+        return 0.0, 0.0
+
+    def moduli(self, body) -> tuple[float, float]:
         """None of the response is linear."""
         return 0.0, 0.0
 
@@ -65,13 +75,11 @@ class FiniteStrain:
         strain, *_ = self.trial(
             self.state(body.material, J[:, None] * body.stress), gradient, rows, rows
         )
-        stress, body.history = body.material.respond(
-            strain, np.zeros_like(strain), body.history, body.size
-        )
-        with np.errstate(
-            divide="ignore", invalid="ignore"
-        ):  # ``deform`` names a point that turns inside out
-            body.stress = stress / (J * tensors.stretch(gradient))[:, None]
+        at_rest = np.zeros_like(strain)
+        stress, history = body.material.respond(strain, at_rest, body.remembered, body.parameters)
+        # ``deform`` names a point that turns inside out
+        with np.errstate(divide="ignore", invalid="ignore"):
+            body.bear(stress / (J * tensors.stretch(gradient))[:, None], history)
 
     def state(self, material, kirchhoff: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Elastic left Cauchy-Green tensors less 1, (n, dim, dim), of τ (n, components), Pa, and
@@ -101,11 +109,13 @@ class FiniteStrain:
     def energy(self, body) -> float:
         """Strain energy (J): that of τ per volume at rest."""
         J = volume_ratio(body)
-        return float((body.volume / J) @ body.material.energy(J[:, None] * body.stress))
+        return float(
+            (body.volume / J) @ body.material.energy(J[:, None] * body.stress, body.remembered)
+        )
 
     def plastic_work(self, body) -> float:
         """Plastic work (J), per volume at rest."""
-        work = body.material.plastic_work(body.history, body.size)
+        work = body.material.plastic_work(body.remembered, body.parameters)
         return float(body.mass @ work) / body.material.density
 
 

@@ -8,21 +8,34 @@ import numpy as np
 
 from ..common import tensors
 from ..common.checks import array, in_short, positive
-from .kinematics import SMALL_STRAIN, FiniteStrain
 
 NEEDED = {
     "density": "kg/m³",
     "lame": "λ and μ, Pa",
     "kinematics": "SMALL_STRAIN or FINITE_STRAIN",
+    "linear": "True where λ and μ are all its response",
+    "symmetric": "whether its tangent is",
     "history": "names of what it remembers, () for nothing",
+    "parameters": "names of those that may differ from point to point, () for none",
     "length": "m, None where size plays no part",
-    "energy": "of stress rows, J/m³",
+    "keeps_volume": "whether plastic flow does",
+    "moduli": "of stress and history, λ and μ, Pa",
+    "respond": "of strain, stress, history and parameters",
+    "energy": "of stress rows and history, J/m³",
 }
+BEYOND = {
+    "initial_history": "of stress and parameters",
+    "tangent": "of strain, stress, history and parameters",
+    "plastic_work": "of history and parameters, J/m³",
+}
+"""What a law needs that is not linear."""
 PROBES = 10.0 ** np.arange(-8, 0)
 """Sizes of strain that a law without history is asked for; any that yields at all does so at the
 largest."""
 LINEAR = 1e-9
 """Of the stress increment: what an elastic law may differ by from C : ε."""
+SYMMETRIC = 1e-8
+"""Of its largest entry: so much may a tangent be askew that is symmetric but for round-off."""
 
 
 def has(name: str, thing, attributes: Sequence[str]) -> None:
@@ -32,97 +45,135 @@ def has(name: str, thing, attributes: Sequence[str]) -> None:
         raise ValueError(
             f"{name} must be an object, got {in_short(thing)}: call it with its numbers"
         )
+    known = {**NEEDED, **BEYOND}
     missing = [
-        f"{a} ({NEEDED[a]})" if a in NEEDED else a for a in attributes if not hasattr(thing, a)
+        f"{a} ({known[a]})" if a in known else a for a in attributes if not hasattr(thing, a)
     ]
     if missing:
         raise ValueError(
-            f"{name} lacks {', '.join(missing)}, which LinearElastic(young, poisson, density) or "
-            f"VonMises has, got {in_short(thing)}"
+            f"{name} lacks {', '.join(missing)}, which a class that inherits from Law has, such as "
+            f"LinearElastic(young, poisson, density), got {in_short(thing)}"
         )
 
 
-def check_law(material, dim: int, response: str = "respond") -> None:
+def check_law(material, dim: int) -> None:
     """Raise ``ValueError`` for a material that a run in ``dim`` dimensions cannot take.
 
-    One that lacks attributes: all that are missing are named.  A law of small strain without
-    ``history`` is taken to be linear elastic, with its ``lame`` in the matrix and one solve a step;
-    what its ``response`` is not, is refused. ``response``: what the run asks for stress, "respond"
-    at material points, "update" in elements.
+    One that lacks parts: all that are missing are named.  One that says that it is linear and is
+    not, or that its tangent is symmetric and is not.
     """
     if isinstance(material, list | tuple):
         raise ValueError(f"material must be one object, got {material!r}")
-    kinematics, history = (
-        getattr(material, "kinematics", SMALL_STRAIN),
-        getattr(material, "history", ()),
+    linear = bool(getattr(material, "linear", True))
+    finite = bool(getattr(getattr(material, "kinematics", None), "finite", False))
+    more = [] if linear else [*BEYOND, "strain" if finite else "yields"]
+    has("material", material, [*NEEDED, *more])
+    for name in ("history", "parameters"):
+        names = getattr(material, name)
+        if not isinstance(names, tuple | list) or not all(isinstance(n, str) for n in names):
+            raise ValueError(
+                f'{name} of material must be a tuple of names, such as ("plastic_strain",), got '
+                f"{names!r}"
+            )
+    has(
+        "kinematics of material",
+        material.kinematics,
+        ("respond", "plastic_work", "moduli", "reference", "energy", "finite"),
     )
-    remembers = history is not None and len(history) > 0 if hasattr(history, "__len__") else False
-    finite = isinstance(kinematics, FiniteStrain)
-    more = (
-        ["respond", "tangent", "strain"]
-        if finite
-        else ["respond", "tangent", "yields", "elastic"]
-        if remembers
-        else [response]
-    )
-    has("material", material, [*NEEDED, *more, *(["plastic_work"] if remembers else [])])
-    if not isinstance(history, tuple | list) or not all(isinstance(name, str) for name in history):
-        raise ValueError(
-            'history of material must be a tuple of names, such as ("plastic_strain",), got '
-            f"{history!r}"
-        )
-    has("kinematics of material", kinematics, ("respond", "plastic_work", "lame", "energy"))
     positive("density of material", material.density)
     lame = array("lame of material", material.lame)
     if lame.shape != (2,) or not np.isfinite(lame).all():
         raise ValueError(
             f"lame of material must be two finite numbers λ and μ (Pa), got {material.lame!r}"
         )
-    if remembers and not finite:
-        has("elastic of material", material.elastic, ("update", "tangent"))
-    elif not finite:
-        _refuse_unless_linear(material, dim, response)
+    if linear:
+        if finite:
+            raise ValueError(f"material: {type(material).__name__} of finite strain is not linear")
+        _refuse_unless_linear(material, dim)
+    else:
+        _refuse_unless_as_it_says(material, dim)
 
 
-def _refuse_unless_linear(material, dim: int, response: str) -> None:
-    """Ask a law without history for stress after strains of many sizes, and compare with C : ε."""
+def _probes(dim: int) -> np.ndarray:
+    """Strain rows (n, components) of many sizes and directions."""
     count = tensors.components(dim)
     rng = np.random.default_rng(0)
     directions = np.concatenate((np.eye(count), -np.eye(count), rng.normal(size=(4, count))))
     if dim == 2:
         directions[:, 2] = 0.0  # plane strain
     directions = directions[np.abs(directions).max(axis=1) > 0.0]
-    strain = (PROBES[:, None, None] * directions).reshape(-1, count)
+    return (PROBES[:, None, None] * directions).reshape(-1, count)
+
+
+def _refuse_unless_as_it_says(material, dim: int) -> None:
+    """Ask a law for its tangent after strains of many sizes, and for its plastic work."""
+    strain = _probes(dim)
+    stress, name = np.zeros_like(strain), type(material).__name__
+    given = {"size": np.full(len(strain), material.length)} if material.length else {}
+    try:
+        history = np.asarray(material.initial_history(stress, given), float)
+        if history.shape != (len(strain), len(material.history)):
+            raise ValueError(
+                f"initial_history must be {(len(strain), len(material.history))} numbers, one "
+                f"column a name in history = {material.history}, got shape {history.shape}"
+            )
+        new, after, tangent = material.tangent(strain.copy(), stress, history.copy(), given)
+        work = material.plastic_work(history, given)
+    except Exception as error:
+        raise ValueError(f"material: {name} cannot be asked for its response: {error}") from error
+    count = strain.shape[1]
+    for what, value, shape in (
+        ("stress", new, strain.shape),
+        ("history", after, history.shape),
+        ("tangent", tangent, (*strain.shape, count)),
+        ("plastic_work", work, (len(strain),)),
+    ):
+        if np.shape(value) != shape:
+            raise ValueError(
+                f"material: {what} of {name} must be {shape} numbers for {len(strain)} points in "
+                f"{dim}D, got shape {np.shape(value)}"
+            )
+    if not material.symmetric:
+        return
+    plane = tensors.in_plane(dim)
+    tangent = np.asarray(tangent)[:, plane[:, None], plane]
+    askew = np.abs(tangent - tangent.transpose(0, 2, 1)).max(axis=(1, 2))
+    askew /= np.abs(tangent).max(axis=(1, 2), initial=np.finfo(float).tiny)
+    row = int(np.argmax(np.where(np.isfinite(askew), askew, 0.0)))
+    if askew[row] > SYMMETRIC:
+        raise ValueError(
+            f"material: {name} says symmetric = True, and its tangent is askew by "
+            f"{askew[row]:.2g} of its largest entry after the strain {strain[row]}: say "
+            "symmetric = False, and it is carried whole"
+        )
+
+
+def _refuse_unless_linear(material, dim: int) -> None:
+    """Ask a law that says that it is linear for stress after strains of many sizes, and compare
+    with C : ε."""
+    strain = _probes(dim)
     λ, μ = material.lame
     linear = μ * strain
     linear[:, :3] = 2 * μ * strain[:, :3] + λ * strain[:, :3].sum(axis=1, keepdims=True)
-    start = np.broadcast_to(
-        np.abs(linear).max() * rng.normal(size=count) * [1e-3], strain.shape
-    ).copy()
-    what = f"a law without history is taken for linear elastic, and {type(material).__name__}"
-    cure = (
-        'name what it remembers in history, such as history = ("plastic_strain",), even '
-        "if that is a dummy"
-    )
+    rng = np.random.default_rng(0)
+    start = np.abs(linear).max() * rng.normal(size=strain.shape[1]) * [1e-3]
+    start = np.broadcast_to(start, strain.shape).copy()
+    what = f"{type(material).__name__} says linear = True"
+    cure = "say linear = False, and give it a tangent"
     for before in (np.zeros_like(strain), start):
         try:
-            given = strain.copy(), before.copy()
-            found = (
-                material.respond(*given, None, None)[0]
-                if response == "respond"
-                else material.update(*given)
-            )
+            found, _ = material.respond(strain.copy(), before.copy(), None)
             found = np.asarray(found, float).reshape(strain.shape) - before
         except Exception as error:
             raise ValueError(
-                f"material: {what} cannot be asked for its stress: {error}; {cure}"
+                f"material: {what}, and cannot be asked for its stress: {error}; {cure}"
             ) from error
         size = np.abs(linear).max(axis=1) + np.finfo(float).eps * np.abs(before).max() / LINEAR
         off = np.abs(found - linear).max(axis=1) / size
         row = int(np.argmax(np.where(np.isfinite(off), off, np.inf)))
         if not off[row] <= LINEAR:
             raise ValueError(
-                f"material: {what} is not: its {response} differs from its lame = "
-                f"{tuple(material.lame)} by {off[row]:.2g} of the stress at the strain "
-                f"{strain[row]}; {cure}"
+                f"material: {what}, and is not: its stress differs from that of its lame = "
+                f"{tuple(material.lame)} by {off[row]:.2g} of itself at the strain {strain[row]}; "
+                f"{cure}"
             )

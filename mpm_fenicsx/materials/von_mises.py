@@ -8,21 +8,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from operator import attrgetter
 
 import numpy as np
 
 from ..common.checks import finite, positive
 from ..common.compiled import jit
 from .elastic import LinearElastic
+from .material import NOTHING, Given, Law
 
 SQRT3 = math.sqrt(3.0)
 SLACK = 1.0 + 1e-13  # of q²: a point at rest on the yield surface is elastic, whatever the rounding
 
 
 @jit
-def _trial(strain, stress, λ, μ, out):
+def _trial(strain, stress, lame, out):
     """Write the elastic trial stress; return its mean and q²."""
+    λ, μ = lame
     volumetric = λ * (strain[0] + strain[1] + strain[2])
     for i in range(3):
         out[i] = stress[i] + 2.0 * μ * strain[i] + volumetric
@@ -35,9 +36,10 @@ def _trial(strain, stress, λ, μ, out):
 
 
 @jit
-def _flow(q2, kappa, μ, peak, residual, h):
+def _flow(q2, kappa, μ, strength):
     """Return κ, the ratio r = q/q_trial and b = -∂q/∂q_trial after plastic flow; (κ, 1, -1)
     without."""
+    peak, residual, h = strength
     c = max(residual, peak - h * kappa)
     if not q2 > SLACK * 3.0 * c * c:
         return kappa, 1.0, -1.0
@@ -61,25 +63,26 @@ def _scale(mean, ratio, out):
 
 
 @jit
-def respond_point(strain, stress, kappa, λ, μ, peak, residual, h, out_stress):
+def respond_point(strain, stress, kappa, lame, strength, out_stress):
     """Write the stress after the increment ``strain`` (4 or 6 numbers) and return κ.
 
-    ``out_stress`` may be ``stress`` itself.  ``h``: softening modulus of this point (Pa), 3μ - √3 h
-    > 0.
+    ``lame`` (λ, μ); ``strength`` (peak, residual, softening h of this point), 3μ - √3 h > 0; all
+    Pa.  ``out_stress`` may be ``stress`` itself.
     """
-    mean, q2 = _trial(strain, stress, λ, μ, out_stress)
-    kappa, ratio, _ = _flow(q2, kappa, μ, peak, residual, h)
+    mean, q2 = _trial(strain, stress, lame, out_stress)
+    kappa, ratio, _ = _flow(q2, kappa, lame[1], strength)
     if ratio != 1.0:
         _scale(mean, ratio, out_stress)
     return kappa
 
 
 @jit
-def tangent_point(strain, stress, kappa, λ, μ, peak, residual, h, out_stress, out_tangent):
+def tangent_point(strain, stress, kappa, lame, strength, out_stress, out_tangent):
     """``respond_point`` that also writes ∂σ/∂ε, for engineering shear strains, into
     ``out_tangent``."""
-    mean, q2 = _trial(strain, stress, λ, μ, out_stress)
-    kappa, ratio, b = _flow(q2, kappa, μ, peak, residual, h)
+    λ, μ = lame
+    mean, q2 = _trial(strain, stress, lame, out_stress)
+    kappa, ratio, b = _flow(q2, kappa, μ, strength)
     n = len(strain)
     off = λ + 2.0 / 3.0 * μ * (1.0 - ratio)
     for i in range(n):
@@ -97,50 +100,42 @@ def tangent_point(strain, stress, kappa, λ, μ, peak, residual, h, out_stress, 
 
 
 @jit
-def _respond(strain, stress, history, λ, μ, peak, residual, modulus, out_stress, out_history):
-    every = 1 if len(modulus) > 1 else 0
+def _of_point(strength, p):
+    """Peak, residual and softening of point p, of columns (n,) or (1,)."""
+    peak, residual, softening = strength
+    return (
+        peak[p if len(peak) > 1 else 0],
+        residual[p if len(residual) > 1 else 0],
+        softening[p if len(softening) > 1 else 0],
+    )
+
+
+@jit
+def _respond(strain, stress, history, lame, strength, out_stress, out_history):
     for p in range(len(strain)):
         out_history[p, 0] = respond_point(
-            strain[p],
-            stress[p],
-            history[p, 0],
-            λ,
-            μ,
-            peak,
-            residual,
-            modulus[every * p],
-            out_stress[p],
+            strain[p], stress[p], history[p, 0], lame, _of_point(strength, p), out_stress[p]
         )
 
 
 @jit
-def _tangent(strain, stress, history, λ, μ, peak, residual, modulus, out_stress, out_history, out):
-    every = 1 if len(modulus) > 1 else 0
+def _tangent(strain, stress, history, lame, strength, out_stress, out_history, out):
     for p in range(len(strain)):
         out_history[p, 0] = tangent_point(
-            strain[p],
-            stress[p],
-            history[p, 0],
-            λ,
-            μ,
-            peak,
-            residual,
-            modulus[every * p],
-            out_stress[p],
-            out[p],
+            strain[p], stress[p], history[p, 0], lame, _of_point(strength, p), out_stress[p], out[p]
         )
 
 
 @jit
-def _yields(strain, stress, history, at, of, λ, μ, peak, residual, modulus, rows):
+def _yields(strain, stress, history, at, of, lame, strength, rows):
     """Write which of the pairs (strain row ``at``, state row ``of``) yield; return their number."""
-    every = 1 if len(modulus) > 1 else 0
     trial = np.empty(strain.shape[1])
     found = 0
     for m in range(len(at)):
         p = of[m]
-        q2 = _trial(strain[at[m]], stress[p], λ, μ, trial)[1]
-        c = max(residual, peak - modulus[every * p] * history[p, 0])
+        q2 = _trial(strain[at[m]], stress[p], lame, trial)[1]
+        peak, residual, h = _of_point(strength, p)
+        c = max(residual, peak - h * history[p, 0])
         if q2 > SLACK * 3.0 * c * c:
             rows[found] = m
             found += 1
@@ -148,14 +143,14 @@ def _yields(strain, stress, history, at, of, λ, μ, peak, residual, modulus, ro
 
 
 @dataclass(frozen=True)
-class VonMises:
+class VonMises(Law):
     """Elastic soil that yields at q = √3 c(κ), with c = max(residual, peak - h κ).
 
     Parameters: ``elastic``; ``peak`` and ``residual`` cohesion (Pa); ``softening`` h (Pa per unit
     κ); ``length`` (m), the cell size at which ``softening`` was found.  With it a point of size d
     softens with h d / length, so that a band one cell wide takes the same energy per area on every
     grid; ``size`` is then required, and has to stay the same through a point's life.  Without it
-    ``size`` is ignored.
+    ``size`` is ignored.  ``peak`` and ``residual`` may be given point by point.
 
     The history is κ = ∫ √(⅔ dεᵖ:dεᵖ).  Flow is dεᵖ = dγ ∂q/∂σ = dγ 3s/2q, and s:s = ⅔ q², hence dκ
     = dγ and σ:dεᵖ = q dκ; in simple shear κ = γᵖ/√3.  Backward Euler keeps the mean stress and the
@@ -183,6 +178,8 @@ class VonMises:
     length: float | None = None
 
     history = ("plastic_strain",)
+    parameters = ("peak", "residual")
+    keeps_volume = True
 
     def __post_init__(self) -> None:
         if not isinstance(self.elastic, LinearElastic):
@@ -203,12 +200,36 @@ class VonMises:
                 f"softening must stay below {limit}, where a point snaps back, got {self.softening}"
             )
 
-    density, young, poisson, lame, p_speed, s_speed, kinematics, strain = (
-        property(attrgetter(f"elastic.{name}"))
-        for name in "density young poisson lame p_speed s_speed kinematics strain".split()
-    )
+    @property
+    def density(self) -> float:
+        """ρ (kg/m³)."""
+        return self.elastic.density
 
-    def modulus(self, size: np.ndarray | float | None = None) -> np.ndarray:
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lamé's λ and μ (Pa)."""
+        return self.elastic.lame
+
+    @property
+    def young(self) -> float:
+        """E (Pa)."""
+        return self.elastic.young
+
+    @property
+    def poisson(self) -> float:
+        """ν (-)."""
+        return self.elastic.poisson
+
+    @property
+    def kinematics(self):
+        """That of ``elastic``."""
+        return self.elastic.kinematics
+
+    def strain(self, stress: np.ndarray) -> np.ndarray:
+        """Elastic strain (n, components) of stress rows (n, components), Pa."""
+        return self.elastic.strain(stress)
+
+    def modulus(self, given: Given = NOTHING) -> np.ndarray:
         """Softening modulus (n,) or (1,), Pa, of points of ``size`` (m).
 
         Raises ``ValueError`` where ``size`` is missing, not positive, or so large that a point
@@ -216,9 +237,9 @@ class VonMises:
         """
         if self.length is None:
             return np.array([self.softening])
-        if size is None:
+        if "size" not in given:
             raise ValueError(f"size is required, because length = {self.length} is given, got None")
-        size = np.atleast_1d(np.asarray(size, float))
+        size = np.atleast_1d(np.asarray(given["size"], float))
         for d in (size.min(initial=self.length), size.max(initial=self.length)):
             positive("size", d)
             if not 3.0 * self.lame[1] - SQRT3 * self.softening * d / self.length > 0.0:
@@ -226,71 +247,91 @@ class VonMises:
                 raise ValueError(f"size must stay below {limit}, where a point snaps back, got {d}")
         return self.softening * size / self.length
 
-    def respond(self, strain, stress, history, size=None) -> tuple[np.ndarray, np.ndarray]:
+    def respond(
+        self, strain, stress, history, given: Given = NOTHING
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Stress (n, components), Pa, and history (n, 1) after the strain increments ``strain`` (n,
         components)."""
-        inputs, outputs = self._prepare(strain, stress, history, size)
+        inputs, outputs = self._prepare(strain, stress, history, given)
         _respond(*inputs, *outputs)
         return outputs
 
     def tangent(
-        self, strain, stress, history, size=None
+        self, strain, stress, history, given: Given = NOTHING
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """``respond`` and the consistent tangent ∂σ/∂ε (n, components, components), Pa, in one
         pass."""
-        inputs, outputs = self._prepare(strain, stress, history, size)
+        inputs, outputs = self._prepare(strain, stress, history, given)
         out = np.empty((*outputs[0].shape, outputs[0].shape[1]))
         _tangent(*inputs, *outputs, out)
         return *outputs, out
 
-    def yields(self, strain, stress, history, at, of, size=None) -> np.ndarray:
+    def yields(self, strain, stress, history, at, of, given: Given = NOTHING) -> np.ndarray:
         """Which of the pairs of a strain increment, row ``at`` (m,), and a state, row ``of`` (m,),
         yield: (k,) rows."""
-        inputs = (np.ascontiguousarray(a, float) for a in (strain, stress, history))
+        strain, stress, history = (
+            np.ascontiguousarray(a, float) for a in (strain, stress, history)
+        )
         rows = np.empty(len(at), np.int32)
         found = _yields(
-            *inputs, at, of, *self.lame, self.peak, self.residual, self.modulus(size), rows
+            strain, stress, history, at, of, self.lame, self._strengths(len(stress), given), rows
         )
         return rows[:found]
 
-    def strength(self, history, size=None) -> np.ndarray:
+    def strength(self, history, given: Given = NOTHING) -> np.ndarray:
         """Yield value of q (n,), Pa."""
-        return SQRT3 * np.maximum(self.residual, self.peak - self.modulus(size) * history[:, 0])
+        peak, residual, h = self._strengths(len(history), given)
+        return SQRT3 * np.maximum(residual, peak - h * history[:, 0])
 
-    def energy(self, stress: np.ndarray) -> np.ndarray:
+    def energy(self, stress: np.ndarray, history: np.ndarray | None = None) -> np.ndarray:
         """Elastic energy per volume (n,), J/m³."""
         return self.elastic.energy(stress)
 
-    def dissipation(self, before, after, size=None) -> np.ndarray:
+    def dissipation(self, before, after, given: Given = NOTHING) -> np.ndarray:
         """Plastic work per volume (n,), J/m³, between two histories: backward Euler, σ_after : Δεᵖ
         = q_after Δκ."""
-        return self.strength(after, size) * (after[:, 0] - before[:, 0])
+        return self.strength(after, given) * (after[:, 0] - before[:, 0])
 
-    def plastic_work(self, history, size=None) -> np.ndarray:
+    def plastic_work(self, history, given: Given = NOTHING) -> np.ndarray:
         """Plastic work per volume (n,), J/m³, since κ = 0: ∫ q dκ."""
-        κ, h = history[:, 0], self.modulus(size)
-        soft = np.where(
-            h * κ < self.peak - self.residual,
-            κ,
-            (self.peak - self.residual) / np.maximum(h, 1e-300),
-        )
-        return SQRT3 * (self.peak * soft - 0.5 * h * soft**2 + self.residual * (κ - soft))
+        κ = history[:, 0]
+        peak, residual, h = self._strengths(len(κ), given)
+        soft = np.where(h * κ < peak - residual, κ, (peak - residual) / np.maximum(h, 1e-300))
+        return SQRT3 * (peak * soft - 0.5 * h * soft**2 + residual * (κ - soft))
 
-    def _prepare(self, strain, stress, history, size):
+    def _strengths(self, n: int, given: Given) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Peak, residual and softening, Pa, (n,) where they differ from point to point, else
+        (1,)."""
+        peak, residual = (
+            np.atleast_1d(np.asarray(given.get(name, getattr(self, name)), float))
+            for name in self.parameters
+        )
+        modulus = self.modulus(given)
+        for name, column in (("peak", peak), ("residual", residual), ("size", modulus)):
+            if column.shape not in ((1,), (n,)):
+                raise ValueError(
+                    f"{name} must be a number or have shape ({n},), got shape {column.shape}"
+                )
+        if "peak" in given or "residual" in given:
+            bad = np.flatnonzero(~((peak > 0.0) & (residual >= 0.0) & (residual <= peak)))
+            if len(bad):
+                values = np.broadcast_arrays(peak, residual)
+                raise ValueError(
+                    "peak must be positive, and residual from 0 to peak, at every point, got "
+                    f"{values[0][bad[0]]} and {values[1][bad[0]]}"
+                )
+        return peak, residual, modulus
+
+    def _prepare(self, strain, stress, history, given: Given):
         """Arrays of the kernels, refused unless their shapes agree: compiled loops do not look."""
         strain, stress, history = (
             np.ascontiguousarray(a, float) for a in (strain, stress, history)
         )
-        modulus = self.modulus(size)
         n = len(strain)
         if strain.ndim != 2 or strain.shape[1] not in (4, 6):
             raise ValueError(f"strain must have shape (n, 4) or (n, 6), got {strain.shape}")
         for name, array, shape in (("stress", stress, strain.shape), ("history", history, (n, 1))):
             if array.shape != shape:
                 raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
-        if modulus.shape not in ((1,), (n,)):
-            raise ValueError(
-                f"size must be a number or have shape ({n},), got shape {modulus.shape}"
-            )
-        inputs = strain, stress, history, *self.lame, self.peak, self.residual, modulus
+        inputs = strain, stress, history, self.lame, self._strengths(n, given)
         return inputs, (np.empty_like(stress), np.empty_like(history))

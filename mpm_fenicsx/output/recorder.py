@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Protocol, runtime_checkable
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -14,16 +14,14 @@ class Run(Protocol):
     """A run as recorders see it.
 
     ``name`` of the method, ``grid``, ``steps`` done and ``time`` (s) reached; ``contributions`` of
-    the terms, which say what they do to the energy; ``collectors``, whose ``collect`` is called
-    after every solve.
+    the terms, which say what they do to the energy.
     """
 
     name: str
     grid: Grid
     steps: int
     time: float
-    contributions: list
-    collectors: list
+    contributions: Sequence
 
     def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
         """Places (n, dim), m, where a field is known on this rank, and a function from rows to
@@ -39,29 +37,23 @@ class Run(Protocol):
         """Fields to show on nodes (nodes, …) and in cells (cells, …), by name."""
 
 
-@runtime_checkable
 class Recorder(Protocol):
     """Looks at a run when attached, and after each step.
 
-    One that remembers has ``state()``, arrays by name, and ``restore(state)``: a checkpoint then
-    keeps what it has recorded, under its ``label`` if it has one.  One with ``last = True`` looks
-    after all others.
+    Three things it may have beyond the two that it needs:
+
+    - ``state() -> dict`` of arrays by name, and ``restore(state)``: a checkpoint then keeps what it
+      has recorded, under its ``label`` if it has one, else its class;
+    - ``collect(run)``, called after every solve, of which a step can need several, and ``sums``, an
+      array that it adds to in place: where a step is taken back, so are they;
+    - ``last = True``: it looks after all others.
     """
 
     def attach(self, run: Run) -> None:
-        """Look at the run for the first time, before its next step.  Raises ``ValueError`` for one
-        that it cannot serve, ``OSError`` where it cannot write."""
+        """Look at the run for the first time, before its next step.
+
+        Raises ``ValueError`` for one that it cannot serve, ``OSError`` where it cannot write.
+        """
 
     def __call__(self, run: Run) -> None:
         """Look at the run after a step."""
-
-
-@runtime_checkable
-class Remembering(Protocol):
-    """A recorder whose record goes on after a restart."""
-
-    def state(self) -> dict[str, np.ndarray]:
-        """Arrays by name, all that ``restore`` needs."""
-
-    def restore(self, state: Mapping[str, np.ndarray]) -> None:
-        """Go on from what a checkpoint kept."""

@@ -108,12 +108,17 @@ class Energy(Series):
     """Where the energy is (J; J per metre in plane strain).
 
     ``energy["work"]`` done by tractions and gravity, ``"kinetic"``, ``"strain"``, ``"plastic"``
-    work, ``"absorbed"`` by dashpots, ``"stored"`` in springs: arrays (n,) since attaching.  What
-    the scene does not have stays zero and costs nothing. ``lost`` is the rest of the balance:
-    dissipation of the method, or its error.
+    work, ``"absorbed"`` by dashpots, ``"stored"`` in springs, and what other terms name: arrays
+    (n,) since attaching.  What the scene does not have stays zero and costs nothing.
+    ``names`` lists them.  ``lost`` is the rest of the balance: dissipation of the method, or its
+    error.
     """
 
-    NAMES = ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
+    USUAL = ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.names: tuple[str, ...] = self.USUAL
 
     def attach(self, run: Run) -> None:
         """Compile what the scene's terms do to the energy in a step."""
@@ -121,13 +126,13 @@ class Energy(Series):
         for contribution in run.contributions:
             for name, form in contribution.energy().items():
                 forms[name] = forms.get(name, 0) + form
+        self.names = tuple(dict.fromkeys((*self.USUAL, *forms, *run.energy())))
         self._forms = {
-            self.NAMES.index(name): dolfinx_versions.compile_form(form)
+            self.names.index(name): dolfinx_versions.compile_form(form)
             for name, form in forms.items()
         }
-        self.sums = np.zeros(len(self.NAMES))
+        self.sums = np.zeros(len(self.names))
         self._start = self._look(run).copy()
-        run.collectors.append(self)
         self.note(run, self._start)
 
     def __call__(self, run: Run) -> None:
@@ -135,7 +140,7 @@ class Energy(Series):
         self.note(run, self._look(run).copy())
 
     def collect(self, run: Run) -> None:
-        """After a solve: add up in ``sums`` (6,) what terms have done."""
+        """After a solve: add up in ``sums`` (names,) what terms have done."""
         for k, form in self._forms.items():
             self.sums[k] += run.grid.comm.allreduce(
                 dolfinx_versions.assemble_scalar(form), op=MPI.SUM
@@ -143,7 +148,7 @@ class Energy(Series):
 
     def _look(self, run: Run) -> np.ndarray:
         for name, value in run.energy().items():
-            self.sums[self.NAMES.index(name)] = run.grid.comm.allreduce(value, op=MPI.SUM)
+            self.sums[self.names.index(name)] = run.grid.comm.allreduce(value, op=MPI.SUM)
         return self.sums
 
     def state(self) -> dict[str, np.ndarray]:
@@ -153,10 +158,10 @@ class Energy(Series):
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Go on from what a checkpoint kept."""
         super().restore(state)
-        self.sums, self._start = state["sums"], state["start"]
+        self.sums[:], self._start = state["sums"], state["start"]
 
     def __getitem__(self, name: str) -> np.ndarray:
-        return self.values[:, self.NAMES.index(one_of("name", name, self.NAMES))]
+        return self.values[:, self.names.index(one_of("name", name, self.names))]
 
     @property
     def left(self) -> np.ndarray:
@@ -166,7 +171,7 @@ class Energy(Series):
     @property
     def lost(self) -> np.ndarray:
         """Work, and energy at the start, that is found nowhere (n,), J."""
-        spent = sum(self[name] - self._start[k] for k, name in enumerate(self.NAMES) if k)
+        spent = sum(self[name] - self._start[k] for k, name in enumerate(self.names) if k)
         return self["work"] - spent
 
 

@@ -39,6 +39,7 @@ def enter(body: MaterialPoints, grid: Grid) -> np.ndarray:
     with together(grid.comm):
         if message:
             raise ValueError(message)
-        if body.material.history:  # what the law refuses it refuses here, on all ranks
-            body.material.respond(np.zeros_like(body.stress), body.stress, body.history, body.size)
+        if not body.material.linear:  # what the law refuses it refuses here, on all ranks
+            at_rest = np.zeros_like(body.stress)
+            body.material.respond(at_rest, body.stress, body.remembered, body.parameters)
     return cell

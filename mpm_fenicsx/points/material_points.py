@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..common import tensors
-from ..common.checks import array, finite, one_of, whole
+from ..common.checks import array, finite, in_short, one_of, whole
 from ..common.compiled import digits
 from ..common.random_numbers import uniform
 from ..grid.cells import SIDES
@@ -36,8 +36,9 @@ class MaterialPoints:
     velocity: np.ndarray | None = None
     acceleration: np.ndarray | None = None
     history: np.ndarray | None = None  # (n, k): what the material remembers, if it does
-    # (n,), m: of the point's first cell, where the material softens by it
-    size: np.ndarray | None = None
+    # (n,) each, by name: parameters of the material that differ from point to point, and "size", m,
+    # of the point's first cell, where the material asks for it
+    parameters: dict[str, np.ndarray] = field(default_factory=dict)
     exposed: np.ndarray | None = None  # (n, dim, 2): faces of the support domain on the body's edge
     # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
     seat: np.ndarray | None = None
@@ -50,10 +51,12 @@ class MaterialPoints:
             raise ValueError(f"x must be (n, 2) or (n, 3), got {self.x.shape}")
         n, dim = self.x.shape
         check_law(self.material, dim)
-        if self.history is None and self.material.history:
-            self.history = np.zeros((n, len(self.material.history)))
         if self.stress is None:
             self.stress = np.zeros((n, tensors.components(dim)))
+        self._check_parameters()
+        if self.history is None and self.material.history:
+            stress = array("stress", self.stress)
+            self.history = self.material.initial_history(stress, self.parameters)
         shapes = {
             "x": (n, dim),
             "half": (n, dim),
@@ -62,7 +65,6 @@ class MaterialPoints:
             "velocity": (n, dim),
             "acceleration": (n, dim),
             "history": (n, len(self.material.history)),
-            "size": (n,),
         }
         for name, shape in shapes.items():
             if getattr(self, name) is not None or name in ("half", "volume"):
@@ -77,6 +79,23 @@ class MaterialPoints:
         if (self.volume <= 0).any() or (self.half <= 0).any():
             raise ValueError("volume and half must be positive")
         self.mass = self.material.density * self.volume
+
+    def _check_parameters(self) -> None:
+        """Raise ``ValueError`` naming a parameter that the material lacks, or that does not fit."""
+        known = (*self.material.parameters, *(["size"] if self.material.length else []))
+        for name, value in self.parameters.items():
+            if name not in known:
+                raise ValueError(
+                    f"parameters: {type(self.material).__name__} takes "
+                    f"{', '.join(known) or 'none'} point by point, got {name!r}"
+                )
+            column = array(name, value)
+            if column.shape != (len(self.x),) or not np.isfinite(column).all():
+                raise ValueError(
+                    f"{name} of parameters must be {len(self.x)} finite numbers, one a point, got "
+                    f"{in_short(value)}"
+                )
+            self.parameters[name] = column
 
     def __len__(self) -> int:
         return len(self.x)
@@ -95,9 +114,28 @@ class MaterialPoints:
         """A run says that the acceleration is its own."""
         self._run_left = id(self.acceleration)
 
+    @property
+    def remembered(self) -> np.ndarray:
+        """``history``, or (n, 0) where the material remembers nothing."""
+        return np.zeros((len(self), 0)) if self.history is None else self.history
+
+    def bear(self, stress: np.ndarray, history: np.ndarray) -> None:
+        """Take stress (n, components), Pa, and what the material remembers, if it does."""
+        self.stress = stress
+        if self.history is not None:
+            self.history = history
+
+    def enter_dynamics(self) -> None:
+        """Give the points velocity and acceleration of their own, zero where they bring none."""
+        bring = self.velocity, self.acceleration
+        self.velocity, self.acceleration = (
+            np.zeros_like(self.x) if value is None else np.array(value, float) for value in bring
+        )
+
     def state(self) -> dict[str, np.ndarray]:
         """The arrays that the points carry, by name; not copied."""
-        return {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        own = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return {**own, **{f"parameters/{name}": value for name, value in self.parameters.items()}}
 
     @classmethod
     def fill(
@@ -108,6 +146,7 @@ class MaterialPoints:
         inside: Callable[[np.ndarray], np.ndarray] | None = None,
         jitter: float = 0.0,
         seed: int = 0,
+        parameters: Mapping[str, Callable[[np.ndarray], np.ndarray]] | None = None,
     ) -> MaterialPoints:
         """Fill the cells of a grid with ``per_cell`` = k^dim evenly placed points each.
 
@@ -117,6 +156,8 @@ class MaterialPoints:
         domains move with the points, and then overlap: a uniform stress in 2D is off by 6 to 10 %
         (rms, DM-GC, ``jitter`` 0.3) with 4 points a cell, 2 to 4 % with 16 and 0.9 % with 64, and
         no finer grid makes that less.
+        ``parameters``: those of the material that differ from place to place, by name: functions of
+        x (dim, n), m, to (n,), asked where points lie at the start.
         Raises ``ValueError`` for a body without points, a ``per_cell`` that is no k^dim, a ``seed``
         < 0, or an ``inside`` of the wrong shape.
         """
@@ -163,8 +204,10 @@ class MaterialPoints:
             seat, number = x, _lattice_numbers(grid, per_cell)[keep]
             x = x + jitter * (2.0 * uniform(seed, number, dim) - 1.0) * 2 * half
         volume = (2 * half).prod(axis=1)
-        size = (volume * per_cell) ** (1 / dim) if material.length else None
-        return cls(material, x, half, volume, size=size, exposed=exposed, seat=seat)
+        given = {name: _column(name, value, x) for name, value in (parameters or {}).items()}
+        if material.length:
+            given["size"] = (volume * per_cell) ** (1 / dim)
+        return cls(material, x, half, volume, parameters=given, exposed=exposed, seat=seat)
 
     def stretches(self, gradient: np.ndarray, smooth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ratios of volumes (n,) and of the support domains' extents (n, dim) for displacement
@@ -273,6 +316,21 @@ def _lattice_numbers(grid, per_cell: int) -> np.ndarray:
     )  # along each direction
     cell = index @ np.concatenate(([1], np.cumprod(cells[:-1])))
     return cell[:, None] * per_cell + np.arange(per_cell)
+
+
+def _column(name: str, function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Numbers (n,) of places x (n, dim) that a function of x (dim, n) gives."""
+    if not callable(function):
+        raise ValueError(
+            f"parameters: {name} must be a function of x (dim, n), m, got {in_short(function)}; "
+            "what is the same everywhere is the material's own"
+        )
+    value = np.asarray(function(x.T), float)
+    if value.shape != (len(x),):
+        raise ValueError(
+            f"parameters: {name} must map (dim, n) to (n,), gave {value.shape} for n={len(x)}"
+        )
+    return value
 
 
 def _chosen(name: str, function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:

@@ -15,8 +15,8 @@ from ..common.ranks import anywhere
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid
 from ..mapping.shape_functions import Stencil
-from ..materials.kinematics import FINITE_STRAIN
 from ..materials.law_checks import check_law
+from ..materials.material import NOTHING, Given, hooke
 from ..points.location import enter
 from ..points.material_points import MaterialPoints
 
@@ -40,15 +40,15 @@ class MaterialRows:
     @property
     def finite(self) -> bool:
         """Whether its strain is finite."""
-        return self.material.kinematics is FINITE_STRAIN
+        return self.material.kinematics.finite
 
     def columns(self, history: np.ndarray) -> np.ndarray:
         """The columns of history (points, widest) that are this material's, a view."""
         return history[:, : len(self.material.history)]
 
-    def size(self, size: np.ndarray | None) -> np.ndarray | None:
-        """Cell sizes (points,), m, if the material asks for them."""
-        return size if self.material.length else None
+    def given(self, size: np.ndarray | None, rows: slice | np.ndarray) -> Given:
+        """Cell sizes, m, of some of all points (points,), if the material asks for them."""
+        return {"size": size[rows]} if self.material.length else NOTHING
 
     def first(self, points: int) -> slice | np.ndarray:
         """Those of its rows that are among the first so many Gauss points."""
@@ -111,7 +111,7 @@ class CellMaterials:
             return cls(grid, [given], np.zeros(grid.cells, dtype=np.int64))
         listed = isinstance(given, Iterable) and not isinstance(given, (str, type))
         if not listed:
-            check_law(given, grid.dim, "update")
+            check_law(given, grid.dim)
         entries = list(given) if listed else []
         if entries and all(isinstance(entry, MaterialPoints) for entry in entries):
             return cls(grid, [body.material for body in entries], _of_bodies(grid, entries))
@@ -142,7 +142,7 @@ class CellMaterials:
     @property
     def finite(self) -> bool:
         """Whether there is one of finite strain."""
-        return any(material.kinematics is FINITE_STRAIN for material in self.materials)
+        return any(material.kinematics.finite for material in self.materials)
 
     def alike(self, other: CellMaterials) -> bool:
         """Whether every cell, of all ranks, is of the same material in both."""
@@ -175,11 +175,11 @@ class CellMaterials:
     def elastic_stress(self, cells: np.ndarray, strain: np.ndarray) -> np.ndarray:
         """Stress rows (n, components), Pa, of ``cells`` (n,) after a strain (n, components)."""
         if len(self.materials) == 1:
-            return self.materials[0].update(strain, np.zeros_like(strain))
+            return hooke(self.materials[0].lame, strain, np.zeros_like(strain))
         found = np.zeros_like(strain)
         for k, material in enumerate(self.materials):
             here = self.number[cells] == k
-            found[here] = material.update(strain[here], found[here])
+            found[here] = hooke(material.lame, strain[here], found[here])
         return found
 
     def _warn_of_cuts(self, materials: Sequence, regions: Sequence[Callable]) -> None:
@@ -298,8 +298,16 @@ def _of_bodies(grid: Grid, bodies: Sequence[MaterialPoints]) -> np.ndarray:
 
 def _in_motion(number: int, body: MaterialPoints) -> str | None:
     """What a body brings that finite elements do not take over."""
+    varying = [name for name in body.parameters if name != "size"]
+    if varying:
+        return (
+            f"{varying[0]} of body {number} differs from point to point, and finite elements have "
+            "parameters that are the same in a material: give several materials, or take points"
+        )
     for name in ("stress", "velocity", "acceleration", "history"):
         value = getattr(body, name)
+        if name == "history" and value is not None:
+            value = value - body.material.initial_history(np.zeros_like(body.stress))
         if value is not None and np.any(value):
             return (
                 f"{name} of body {number} is not zero, and finite elements start unstressed and at "
@@ -333,10 +341,8 @@ def _filled(
 ) -> np.ndarray:
     """The part of each cell (cells,) that support domains fill, as they were before jitter."""
     volume = fem.Function(dolfinx_versions.space(grid.mesh, "DQ", 0))
-    dofs, neighbour = (
-        dolfinx_versions.cell_dofs(volume.function_space)[:, 0],
-        grid.lattice.neighbour,
-    )
+    dofs = dolfinx_versions.cell_dofs(volume.function_space)[:, 0]
+    neighbour = grid.lattice.neighbour
     for body, cell in zip(bodies, cells, strict=True):
         stencil = Stencil(grid, len(body), support=True)
         stencil.place(body.x if body.seat is None else body.seat, body.half, cell)

@@ -22,6 +22,7 @@ from ..mapping.projection import AT_POINTS, DOUBLE_MAPPED, Integration, Projecti
 from ..mapping.shape_functions import Stencil
 from ..materials import hencky_strain
 from ..materials.kinematics import FINITE_STRAIN, SHEAR, deformation, volume_ratio
+from ..materials.material import given_at
 from ..points.material_points import MaterialPoints
 from .response import Yielding
 
@@ -34,37 +35,27 @@ class FiniteStrain(Yielding):
     Between the solves of a step it is exact; for the first it is linear in u.
     """
 
-    def __init__(self, motion: Motion):
-        super().__init__(motion)
-        self._numbers = motion.grid.dim**2, len(np.triu_indices(motion.grid.dim**2)[0])
+    def __init__(self, motion: Motion, materials: Sequence):
+        super().__init__(motion, materials)
+        size, axes = motion.grid.dim**2, motion.grid.axes
+        self._numbers = size, len(tensors.entries(size, self.symmetric)[0])
+        self._layout = axes, SHEAR[motion.grid.dim], self._plane
 
     def _response(
         self, material, states, gradient: np.ndarray, F: np.ndarray, at: np.ndarray, of: np.ndarray
     ):
-        """P (m, dim²) and ∂P/∂F, its upper triangle, of pairs: deformation ``at`` and state ``of``.
+        """P (m, dim²) and ∂P/∂F (m, entries) of pairs: deformation ``at`` and state ``of``.
 
-        ``states``: those of ``FINITE_STRAIN``, factors of P, history and sizes; ``gradient``: f - 1
-        of the step; ``F`` the deformation of the configuration that P works in.
+        ``states``: those of ``FINITE_STRAIN``, factors of P, history and parameters; ``gradient``:
+        f - 1 of the step; ``F`` the deformation of the configuration that P works in.
         """
-        state, scale, history, size = states
-        strain, values, vectors = FINITE_STRAIN.trial(state, gradient, at, of)
-        κ, d = (None if a is None else a[of] for a in (history, size))
-        τ, _, D = material.tangent(strain, np.zeros_like(strain), κ, d)
+        state, scale, history, given = states
+        strain, *eigen = FINITE_STRAIN.trial(state, gradient, at, of)
+        at_rest = np.zeros_like(strain)
+        τ, _, D = material.tangent(strain, at_rest, history[of], given_at(given, of))
         stress, tangent = (np.empty((len(at), n)) for n in self._numbers)
         hencky_strain.nominal(
-            self.motion.grid.axes,
-            F,
-            scale,
-            at,
-            of,
-            SHEAR[F.shape[1]],
-            self._plane,
-            τ,
-            D,
-            values,
-            vectors,
-            stress,
-            tangent,
+            self._layout, F, scale, (at, of), (τ, D), tuple(eigen), stress, tangent
         )
         return stress, tangent
 
@@ -75,25 +66,28 @@ def states_of(body: MaterialPoints):
     return (
         FINITE_STRAIN.state(body.material, J[:, None] * body.stress),
         1.0 / J,
-        body.history,
-        body.size,
+        body.remembered,
+        body.parameters,
     )
 
 
 def product(tangent: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """A : ∇u (n, dim²), A given by upper triangles (n, …)."""
+    """A : ∇u (n, dim²), A given by its entries (n, …), of a symmetric one the upper triangle."""
     size = gradient.shape[1] ** 2
-    i, j = np.triu_indices(size)
+    symmetric = tangent.shape[1] < size**2
+    i, j = tensors.entries(size, symmetric)
     full = np.empty((len(tangent), size, size))
-    full[:, i, j] = full[:, j, i] = tangent
+    full[:, i, j] = tangent
+    if symmetric:
+        full[:, j, i] = tangent
     return np.einsum("nij,nj->ni", full, gradient.reshape(-1, size))
 
 
 class FiniteStrainAtGaussPoints(FiniteStrain):
     """The same as fields at the Gauss points."""
 
-    def __init__(self, motion: Motion, gauss: GaussPoints):
-        super().__init__(motion)
+    def __init__(self, motion: Motion, gauss: GaussPoints, materials: Sequence):
+        super().__init__(motion, materials)
         self.gauss, grid = gauss, motion.grid
         self.stress, self.tangent = (GaussField(grid, n) for n in self._numbers)
         dx, trial = measure(motion.region.dx), ufl.TrialFunction(grid.space)
@@ -120,7 +114,7 @@ class FiniteStrainPoints(FiniteStrainAtGaussPoints):
     def __init__(
         self, motion: Motion, gauss: GaussPoints, bodies: Sequence[tuple[MaterialPoints, Stencil]]
     ):
-        super().__init__(motion, gauss)
+        super().__init__(motion, gauss, [body.material for body, _ in bodies])
         self._bodies = bodies
 
     def place(self) -> None:
@@ -164,7 +158,7 @@ class FiniteStrainSums(FiniteStrain):
         bodies: Sequence[tuple[MaterialPoints, Stencil]],
         recover: Sequence[Callable[[np.ndarray], np.ndarray]],
     ):
-        super().__init__(motion)
+        super().__init__(motion, [body.material for body, _ in bodies])
         grid = motion.grid
         self._bodies, self._recover = bodies, recover
         self._force = np.zeros((grid.nodes, grid.dim))
@@ -240,11 +234,11 @@ def finite_strain_of(
 
     Raises ``ValueError`` where others yield at small strain.
     """
-    finite = [n for n, body in enumerate(bodies) if body.material.kinematics is FINITE_STRAIN]
+    finite = [n for n, body in enumerate(bodies) if body.material.kinematics.finite]
     if not finite:
         return None
     for n, body in enumerate(bodies):
-        if n not in finite and body.material.history:
+        if n not in finite and not body.material.linear:
             raise ValueError(
                 "points: a body that yields at small strain cannot share a run with one of finite "
                 f"strain, got {body.material!r}"

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ..common import tensors
-from ..common.ranks import anywhere, together
+from ..common.ranks import anywhere
 from ..dynamics.motion import Motion
 from ..grid import dolfinx_versions
 from ..grid.gauss_points import GaussPoints
 from ..materials.kinematics import FINITE_STRAIN
 from .cell_materials import CellMaterials, MaterialRows, put_together
 from .finite_strain import FiniteStrainAtGaussPoints
-from .small_strain import energies
+from .small_strain import energies, first_history
 
 
 class FiniteStrainElements(FiniteStrainAtGaussPoints):
@@ -24,26 +24,19 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
     """
 
     def __init__(self, motion: Motion, gauss: GaussPoints, materials: CellMaterials):
-        super().__init__(motion, gauss)
+        super().__init__(motion, gauss, materials.materials)
         dim = motion.grid.dim
         self.parts = materials.parts(gauss.digit.shape[1])
         for part in self.parts:
-            if part.material.history and not part.finite:
+            if not part.finite and not part.material.linear:
                 raise ValueError(
                     "material: one that yields at small strain cannot share a run with one of "
                     f"finite strain, got {part.material!r}"
                 )
         self.state = np.zeros((len(gauss), tensors.components(dim)))
         self.deformation = np.tile(np.eye(dim), (len(gauss), 1, 1))
-        self.history = np.zeros((len(gauss), max(len(law.history) for law in materials.materials)))
         self.size = gauss.size if any(law.length for law in materials.materials) else None
-        with together(motion.grid.comm):  # what a law refuses it refuses here, on all ranks
-            for part in self.parts:
-                part.material.respond(
-                    *(a[part.rows] for a in (np.zeros_like(self.state), self.state)),
-                    part.columns(self.history)[part.rows],
-                    None if part.size(self.size) is None else self.size[part.rows],
-                )
+        self.history = first_history(motion.grid.comm, self.parts, self.state, self.size)
         self._one = np.ones(len(gauss))
         self.derive()
 
@@ -79,9 +72,11 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         F, gradient = self._step(u)
         for part in self.parts:
             if part.finite:
-                history, size, at = part.columns(self.history), part.size(self.size), part.numbers
-                self.stress.rows[part.rows], self.tangent.rows[part.rows] = self._response(
-                    part.material, (self._before, self._one, history, size), gradient, F, at, at
+                rows, every = part.rows, part.numbers
+                given = part.given(self.size, slice(None))
+                states = self._before, self._one, part.columns(self.history), given
+                self.stress.rows[rows], self.tangent.rows[rows] = self._response(
+                    part.material, states, gradient, F, every, every
                 )
         if self.motion.stepping.start:
             self.stress.rows += self._nominal
@@ -111,14 +106,13 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
         F, gradient = self._step(self.motion.nodal(self.motion.u))
 
         def respond(part: MaterialRows) -> tuple[np.ndarray, ...]:
-            law, rows, size = part.material, part.rows, part.size(self.size)
-            history = part.columns(self.history)[rows]
+            law, rows = part.material, part.rows
+            history, given = part.columns(self.history)[rows], part.given(self.size, rows)
             if not part.finite:
                 strain = tensors.strain(gradient[rows])
                 return self.deformation[rows], *law.respond(strain, self.state[rows], history)
-            size = None if size is None else size[rows]
             strain, *_ = FINITE_STRAIN.trial(self._before, gradient, part.numbers, part.numbers)
-            τ, history = law.respond(strain, np.zeros_like(strain), history, size)
+            τ, history = law.respond(strain, np.zeros_like(strain), history, given)
             return F[rows], τ / np.linalg.det(F[rows])[:, None], history
 
         self.deformation, self.state, self.history = put_together(

@@ -2,23 +2,29 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ..common import tensors
 from ..dynamics.motion import Motion
+from ..materials.material import given_at, hooke, stiffness
 
 
 class Yielding:
-    """What the law adds to the elastic response: ``work`` and ``stiffness`` as forms, or a force
-    summed at points."""
+    """What laws add to the elastic response: ``work`` and ``stiffness`` as forms, or a force summed
+    at points.
+
+    ``symmetric``: whether the tangents of all ``materials`` are, so that half of them is carried.
+    """
 
     work: object = 0
     stiffness: object = 0
 
-    def __init__(self, motion: Motion):
+    def __init__(self, motion: Motion, materials: Sequence):
         self.motion = motion
+        self.symmetric = all(material.symmetric for material in materials)
         self._plane = tensors.in_plane(motion.grid.dim)
-        self._upper = np.triu_indices(len(self._plane))
         self.active = False
 
     def clear(self) -> None:
@@ -55,18 +61,17 @@ class Yielding:
     def _respond(self, u: np.ndarray) -> None:
         raise NotImplementedError
 
-    def _law(self, material, strain, state, at, of) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Which pairs of strain ``at`` and state ``of`` yield; beyond elasticity their stress, and
-        their tangent in the plane."""
-        stress, history, size = state
-        rows = material.yields(strain, stress, history, at, of, size)
+    def _law(
+        self, material, strain, state, at, of, lame
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Which pairs of strain ``at`` and state ``of`` yield; their stress beyond the reference of
+        ``lame``, and their tangent beyond it in the plane, as rows of ``tensors.entries``."""
+        stress, history, given = state
+        rows = material.yields(strain, stress, history, at, of, given)
         at, of = at[rows], of[rows]
         ε, σ = strain[at], stress[of]
-        new, _, tangent = material.tangent(ε, σ, history[of], None if size is None else size[of])
-        i, j = self._upper
-        elastic = material.elastic.tangent(ε[:1], σ[:1], None)[2]
-        return (
-            rows,
-            new - material.elastic.update(ε, σ),
-            (tangent - elastic)[:, self._plane[i], self._plane[j]],
-        )
+        new, _, tangent = material.tangent(ε, σ, history[of], given_at(given, of))
+        lame = tuple(value if np.ndim(value) == 0 else value[of] for value in lame)
+        i, j = tensors.entries(len(self._plane), self.symmetric)
+        beyond = tangent - stiffness(lame, self.motion.grid.dim)
+        return rows, new - hooke(lame, ε, σ), beyond[:, self._plane[i], self._plane[j]]

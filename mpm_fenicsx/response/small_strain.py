@@ -22,6 +22,7 @@ from ..grid import weak_forms
 from ..grid.gauss_points import GaussField, GaussPoints, measure
 from ..mapping.double_mapping import add, pairs_of
 from ..mapping.shape_functions import Stencil
+from ..materials.material import Given, hooke
 from ..points.material_points import MaterialPoints
 from .cell_materials import CellMaterials, MaterialRows, put_together
 from .response import Yielding
@@ -30,11 +31,12 @@ from .response import Yielding
 class YieldingAtGaussPoints(Yielding):
     """The same as fields at the Gauss points."""
 
-    def __init__(self, motion: Motion, gauss: GaussPoints):
-        super().__init__(motion)
+    def __init__(self, motion: Motion, gauss: GaussPoints, materials: Sequence):
+        super().__init__(motion, materials)
         self.gauss, grid = gauss, motion.grid
+        entries, _ = tensors.entries(len(self._plane), self.symmetric)
         self.stress = GaussField(grid, len(self._plane))
-        self.tangent = GaussField(grid, len(self._upper[0]))
+        self.tangent = GaussField(grid, len(entries))
         dx, trial = measure(motion.region.dx), ufl.TrialFunction(grid.space)
         self.work = weak_forms.plastic_work(self.stress.function, motion.w) * dx
         self.stiffness = weak_forms.plastic_stiffness(self.tangent.function, trial, motion.w) * dx
@@ -58,12 +60,12 @@ class YieldingPoints(YieldingAtGaussPoints):
         bodies: Sequence[MaterialPoints],
         stencils: Sequence[Stencil],
     ):
-        super().__init__(motion, gauss)
         self._bodies = [
             (body, stencil)
             for body, stencil in zip(bodies, stencils, strict=True)
-            if body.material.history
+            if not body.material.linear
         ]
+        super().__init__(motion, gauss, [body.material for body, _ in self._bodies])
         self._pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def place(self) -> None:
@@ -73,8 +75,9 @@ class YieldingPoints(YieldingAtGaussPoints):
     def _respond(self, u: np.ndarray) -> None:
         strain = self.gauss.strain(u)
         for (body, _), (point, where, weight) in zip(self._bodies, self._pairs, strict=True):
-            state = body.stress, body.history, body.size
-            rows, stress, tangent = self._law(body.material, strain, state, where, point)
+            law, state = body.material, (body.stress, body.remembered, body.parameters)
+            lame = law.kinematics.moduli(body)
+            rows, stress, tangent = self._law(law, strain, state, where, point, lame)
             if len(rows):
                 self.active = True
                 add(where[rows], weight[rows], stress[:, self._plane], self.stress.rows)
@@ -90,18 +93,13 @@ class YieldingElements(YieldingAtGaussPoints):
     """
 
     def __init__(self, motion: Motion, gauss: GaussPoints, materials: CellMaterials):
-        super().__init__(motion, gauss)
+        super().__init__(motion, gauss, materials.materials)
         self.parts = materials.parts(gauss.digit.shape[1])
         self.state = np.zeros((len(gauss), tensors.components(motion.grid.dim)))
-        self.history = np.zeros((len(gauss), max(len(law.history) for law in materials.materials)))
         self.size = gauss.size if any(law.length for law in materials.materials) else None
-        with together(motion.grid.comm):  # what a law refuses it refuses here, on all ranks
-            for part in self.parts:
-                stress, history, size = self._state(part)
-                part.material.respond(np.zeros_like(stress), stress, history, size)
-        self._elastic = np.zeros_like(
-            self.state
-        )  # what the strain so far would give without yielding
+        self.history = first_history(motion.grid.comm, self.parts, self.state, self.size)
+        # what the strain so far would give without yielding
+        self._elastic = np.zeros_like(self.state)
 
     def clear(self) -> None:
         """Nothing yields in this step; what yielded before stays."""
@@ -110,19 +108,19 @@ class YieldingElements(YieldingAtGaussPoints):
             :, self._plane
         ]
 
-    def _state(self, part: MaterialRows) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Stress, history and sizes of one material's Gauss points."""
-        rows, size = part.rows, part.size(self.size)
-        size = None if size is None else size[rows]
-        return self.state[rows], part.columns(self.history)[rows], size
+    def _state(self, part: MaterialRows) -> tuple[np.ndarray, np.ndarray, Given]:
+        """Stress, history and parameters of one material's Gauss points."""
+        rows = part.rows
+        return self.state[rows], part.columns(self.history)[rows], part.given(self.size, rows)
 
     def _respond(self, u: np.ndarray) -> None:
         strain = self.gauss.strain(u)
         for part in self.parts:
-            if not part.material.history:
+            law, every = part.material, part.count
+            if law.linear:
                 continue
             rows, stress, tangent = self._law(
-                part.material, strain[part.rows], self._state(part), part.count, part.count
+                law, strain[part.rows], self._state(part), every, every, law.lame
             )
             if len(rows):
                 self.active = True
@@ -140,9 +138,8 @@ class YieldingElements(YieldingAtGaussPoints):
 
         def respond(part: MaterialRows) -> tuple[np.ndarray, ...]:
             law, mine = part.material, strain[part.rows]
-            stress, history, size = self._state(part)
-            elastic = getattr(law, "elastic", law).update(mine, self._elastic[part.rows])
-            return elastic, *law.respond(mine, stress, history, size)
+            elastic = hooke(law.lame, mine, self._elastic[part.rows])
+            return elastic, *law.respond(mine, *self._state(part))
 
         self._elastic, self.state, self.history = put_together(
             self.parts, respond, (self._elastic, self.state, self.history)
@@ -154,6 +151,21 @@ class YieldingElements(YieldingAtGaussPoints):
         return energies(self.parts, points, self.gauss.volume, self.state, self.history, self.size)
 
 
+def first_history(
+    comm, parts: Sequence[MaterialRows], stress: np.ndarray, size: np.ndarray | None
+) -> np.ndarray:
+    """State variables (points, columns of the longest) at the start.  What a law refuses it refuses
+    here, on all ranks."""
+    history = np.zeros((len(stress), max(len(part.material.history) for part in parts)))
+    with together(comm):
+        for part in parts:
+            law, rows, given = part.material, part.rows, part.given(size, part.rows)
+            part.columns(history)[rows] = law.initial_history(stress[rows], given)
+            state = part.columns(history)[rows]
+            law.respond(np.zeros_like(stress[rows]), stress[rows], state, given)
+    return history
+
+
 def energies(
     parts: Sequence[MaterialRows],
     points: int,
@@ -162,15 +174,16 @@ def energies(
     history: np.ndarray,
     size: np.ndarray | None,
 ) -> dict[str, float]:
-    """Strain energy and, where a law can yield, plastic work (J) of the first Gauss points.
+    """Strain energy and, where a law is not linear, plastic work (J) of the first Gauss points.
 
     ``volume`` (m³), ``stress`` (Pa), ``history`` and ``size`` (m, or None) are those of all.
     """
     found = {"strain": 0.0}
     for part in parts:
-        rows, law, d = part.first(points), part.material, part.size(size)
-        found["strain"] += float(volume[rows] @ law.energy(stress[rows]))
-        if law.history:
-            work = law.plastic_work(part.columns(history)[rows], None if d is None else d[rows])
+        rows, law = part.first(points), part.material
+        state = part.columns(history)[rows]
+        found["strain"] += float(volume[rows] @ law.energy(stress[rows], state))
+        if not law.linear:
+            work = law.plastic_work(state, part.given(size, rows))
             found["plastic"] = found.get("plastic", 0.0) + float(volume[rows] @ work)
     return found

@@ -31,10 +31,11 @@ class YieldingAtPoints(Yielding):
         stencils: Sequence[Stencil],
         recover: Callable[[int, np.ndarray], np.ndarray],
     ):
-        super().__init__(motion)
+        super().__init__(motion, [body.material for body in bodies if not body.material.linear])
         grid = motion.grid
         self._bodies, self._stencils, self._recover = bodies, stencils, recover
-        self._tangent = Projection(grid, AT_POINTS, len(self._upper[0]))
+        entries, _ = tensors.entries(len(self._plane), self.symmetric)
+        self._tangent = Projection(grid, AT_POINTS, len(entries))
         self._force = np.zeros((grid.nodes, grid.dim))
         self._rows = [np.arange(len(body), dtype=np.int32) for body in bodies]
         dx = motion.region.dx(metadata={"quadrature_degree": AT_POINTS.quadrature})
@@ -60,11 +61,15 @@ class YieldingAtPoints(Yielding):
 
     def _respond(self, u: np.ndarray) -> None:
         for number, (body, stencil) in enumerate(zip(self._bodies, self._stencils, strict=True)):
-            if not body.material.history:
+            law, every = body.material, self._rows[number]
+            if law.linear:
                 continue
             strain = tensors.strain(self._recover(number, u))
-            state, every = (body.stress, body.history, body.size), self._rows[number]
-            rows, stress, tangent = self._law(body.material, strain, state, every, every)
+            state, lame = (
+                (body.stress, body.remembered, body.parameters),
+                law.kinematics.moduli(body),
+            )
+            rows, stress, tangent = self._law(law, strain, state, every, every, lame)
             self.active = self.active or len(rows) > 0
             beyond, moduli = np.zeros_like(body.stress), np.zeros((len(body), tangent.shape[1]))
             beyond[rows], moduli[rows] = stress, tangent

@@ -5,14 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 
-from ..materials import VonMises
-
 
 def warn_of_laws(materials: Sequence, stacklevel: int = 3) -> None:
     """Warn of laws whose flow may change volume: B-bar replaces the strain, and is the cure for
-    VonMises alone."""
+    laws that keep it."""
     for material in materials:
-        if material.history and not isinstance(material, VonMises):
+        if not (material.linear or material.kinematics.finite or material.keeps_volume):
             warnings.warn(
                 f"b_bar with {type(material).__name__}: where flow changes volume, the mean of a "
                 "cell takes that for all of its points; it is a cure for flow that keeps the "
@@ -26,7 +24,7 @@ def warn_of_points(materials: Sequence, partly_filled: int, dynamic: bool) -> No
     """The same, and warn of softening, and of partly filled cells in dynamics."""
     warn_of_laws(materials, stacklevel=4)
     for material in materials:
-        if getattr(material, "softening", 0.0) > 0.0:
+        if getattr(material, "softening", 0.0) > 0.0:  # a parameter of its own, which few laws have
             warnings.warn(
                 f"b_bar with softening = {material.softening:.6g}: where a side of the body lies "
                 "on a grid line, Newton's iteration may stall at residuals of 1e-6 to 4e-6; allow "

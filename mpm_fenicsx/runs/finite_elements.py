@@ -81,38 +81,58 @@ class FiniteElements(Run):
         check_start(initial_acceleration)
         materials = self.materials = CellMaterials.of(grid, material)
         for law in materials.materials:
-            check_law(law, grid.dim, "update")
+            check_law(law, grid.dim)
         self.material, self.b_bar = materials.one, b_bar
         self.initial_acceleration = initial_acceleration
         self.reassemble = reassemble or materials.finite
         motion = self.motion = Motion(grid, stepping)
         self.displacement = fem.Function(grid.space, name="displacement")
-        numbers = [(law.density, *law.kinematics.lame(law)) for law in materials.materials]
+        numbers = [(law.density, *law.kinematics.reference(law)) for law in materials.materials]
         density, λ, μ = (materials.field(values) for values in zip(*numbers, strict=True))
-        self._lame = λ, μ
         dx = motion.region.dx(metadata={"quadrature_degree": 3})
-        scene = self.scene = Scene(grid, motion, density, dx, at_rest=True)
-        internal = [elasticity(scene, scene.dx, λ, μ, self.displacement, b_bar)]
-        internal += [inertia(scene)] if stepping.dynamic else []
-        self.contributions = internal + [term.bind(scene) for term in self.terms]
-        refuse_disagreement(scene, self.terms)
-        if not reassemble:
-            direct = "mumps" if grid.comm.size > 1 else "petsc"
-            solver = {
-                "ksp_type": "preonly",
-                "pc_type": "cholesky",
-                "pc_factor_mat_solver_type": direct,
-                **(solver or {}),
-            }
+        scene = self.scene = Scene(
+            grid,
+            motion,
+            density,
+            dx,
+            lame=(λ, μ),
+            stiffness_dx=dx,
+            of_material=self._fields_of,
+            b_bar=b_bar,
+            at_rest=True,
+        )
+        body = elasticity(scene, self.displacement)
+        others = [inertia(scene)] if stepping.dynamic else []
+        others += scene.bind(self.terms)
+        self.contributions = [body, *others]
+        refuse_disagreement(scene)
         if b_bar:
             warn_of_laws(materials.materials)
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(
-            motion, self.contributions, scene.fixed, solver, self.yielding, newton
+            motion,
+            body,
+            others,
+            scene.fixed,
+            solver,
+            self.yielding,
+            newton,
+            factored=not reassemble,
         )
         self._goes_on = start is not None
         if start is not None:
             self._go_on_from(start)
+
+    def _fields_of(self, material) -> tuple:
+        """ρ, λ and μ of one material, zero in cells of others."""
+        known = self.materials.materials
+        if material not in known:
+            raise ValueError(f"no cell is of the material {material!r}")
+        numbers = [
+            (law.density, *law.kinematics.reference(law)) if law == material else (0.0, 0.0, 0.0)
+            for law in known
+        ]
+        return tuple(self.materials.field(values) for values in zip(*numbers, strict=True))
 
     def _can_yield(self) -> Yielding | None:
         """What yielding or finite strain adds to the step, where a material is of that kind."""
@@ -120,7 +140,7 @@ class FiniteElements(Run):
             if self.b_bar:
                 raise ValueError(f"b_bar is for small strain only, got {self.material!r}")
             return FiniteStrainElements(self.motion, GaussPoints(self.grid), self.materials)
-        if not any(law.history for law in self.materials.materials):
+        if all(law.linear for law in self.materials.materials):
             return None
         return YieldingElements(self.motion, GaussPoints(self.grid, self.b_bar), self.materials)
 
@@ -129,10 +149,8 @@ class FiniteElements(Run):
         motion = self.motion
         there = self.stepping.dynamic and self.grid.comm.allreduce(int(motion.a.x.array.any()))
         step = self.stepping
-        at_end = step.dynamic and step.balanced == (
-            step.velocity,
-            step.acceleration,
-        )  # not so in generalised α
+        # not so in generalised α
+        at_end = step.dynamic and step.balanced == (step.velocity, step.acceleration)
         given = there and not (self._goes_on and at_end)
         if (
             not self.stepping.dynamic
@@ -290,7 +308,7 @@ class FiniteElements(Run):
         motion, scene, u = self.motion, self.scene, self.displacement
         found = {}
         if self.yielding is None:
-            found["strain"] = 0.5 * elastic_work(motion, scene.dx, *self._lame, u, u, self.b_bar)
+            found["strain"] = 0.5 * elastic_work(scene, u, u)
         if self.stepping.dynamic:
             found["kinetic"] = 0.5 * inner(scene.density * motion.v, motion.v) * scene.dx
         return {name: dolfinx_versions.compile_form(form) for name, form in found.items()}

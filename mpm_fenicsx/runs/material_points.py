@@ -120,16 +120,28 @@ class Simulation(Run):
         reuse = reuse if motion.region.follows else 0.0
         given = self.properties = Properties(motion, mapping, self.bodies, self.stencils, reuse)
         density, λ, μ = given.fields
-        scene = self.scene = Scene(grid, motion, density, given.mass_dx, (λ, μ), given.body_force)
-        internal = [elasticity(scene, given.stiffness_dx, λ, μ, b_bar=b_bar)]
-        internal += [inertia(scene)] if stepping.dynamic else []
-        self.contributions = internal + [term.bind(scene) for term in self.terms]
-        refuse_disagreement(scene, self.terms)
-        check_reach(scene, self.terms, self.bodies, self.cells, self.stencils)
+        scene = self.scene = Scene(
+            grid,
+            motion,
+            density,
+            given.mass_dx,
+            lame=(λ, μ),
+            stiffness_dx=given.stiffness_dx,
+            of_material=given.of,
+            b_bar=b_bar,
+            partly_filled=True,
+            body_force=given.body_force,
+        )
+        body = elasticity(scene)
+        others = [inertia(scene)] if stepping.dynamic else []
+        others += scene.bind(self.terms)
+        self.contributions = [body, *others]
+        refuse_disagreement(scene)
+        check_reach(scene, self.bodies, self.cells, self.stencils)
         self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(
-            motion, self.contributions, scene.fixed, solver, self.yielding, newton, reuse > 0.0
+            motion, body, others, scene.fixed, solver, self.yielding, newton, reuse > 0.0
         )
         if reuse and (self.yielding is not None or self.equilibrium.update is None):
             raise ValueError(
@@ -140,10 +152,8 @@ class Simulation(Run):
         self._bound_for_rest = not stepping.dynamic or (scene.body_loaded and self._stressed())
         self._acts_everywhere = self._bound_for_rest or scene.body_loaded
         self.holding: Holding | None = None
-        self._internal, self._held = (
-            np.zeros((grid.nodes, grid.dim)),
-            np.zeros(grid.cells, np.int8),
-        )  # _held: material
+        self._internal = np.zeros((grid.nodes, grid.dim))
+        self._held = np.zeros(grid.cells, np.int8)  # cells that hold material
         self.initial_acceleration, self._unmoved, self._left = initial_acceleration, [], []
         correction = self._asked_correction(correction, balanced)
         self.courant_number = courant_number(grid, self.bodies, stepping)
@@ -161,13 +171,7 @@ class Simulation(Run):
             self._unmoved = [body for body in self.bodies if body.acceleration is None]
             self._left = [body for body in self.bodies if body.left_by_run]
             for body in self.bodies:
-                for name in ("velocity", "acceleration"):
-                    value = getattr(body, name)
-                    setattr(
-                        body,
-                        name,
-                        np.zeros_like(body.x) if value is None else np.array(value, float),
-                    )
+                body.enter_dynamics()
             self.correction = correction_of(
                 self.correction_kind, self.equilibrium, self.stress, self.deposit
             )
@@ -232,8 +236,9 @@ class Simulation(Run):
                 + f"; sweeps: {self.deposit.sweeps}",
                 f"initial acceleration: {self.initial_acceleration.value}",
             ]
-        lines += [f"term: {type(term).__name__}" for term in self.terms]
-        lines += [f"prescribed motion: {motion.description}" for motion in self.scene.prescribed]
+        for term, contribution in zip(self.terms, self.scene.contributions, strict=False):
+            note = f": {contribution.note}" if contribution.note else ""
+            lines.append(f"term: {type(term).__name__}{note}")
         return "\n".join(lines)
 
     # -- the step ----------------------------------------------------------------------------------
@@ -454,7 +459,7 @@ class Simulation(Run):
         """Kinetic and strain energy (J) of this rank's points."""
         found = {
             "plastic": sum(
-                b.material.kinematics.plastic_work(b) for b in self.bodies if b.material.history
+                b.material.kinematics.plastic_work(b) for b in self.bodies if not b.material.linear
             ),
             "strain": sum(b.material.kinematics.energy(b) for b in self.bodies),
         }
@@ -485,7 +490,7 @@ class Simulation(Run):
             if self.gauss is not None:
                 raise ValueError("b_bar is for small strain only, and a body is of finite strain")
             return finite
-        if not any(body.material.history for body in self.bodies):
+        if all(body.material.linear for body in self.bodies):
             return None
         if self.mapping.integrate is DOUBLE_MAPPED:
             gauss = GaussPoints(self.grid) if self.gauss is None else self.gauss

@@ -171,6 +171,8 @@ class Run(Statics):
         except OSError as error:
             raise self._not_written(error) from error
         self.recorders.append(recorder)
+        if hasattr(recorder, "collect"):
+            self.collectors.append(recorder)
         self.recorders.sort(key=lambda r: getattr(r, "last", False))
         return recorder
 

@@ -16,8 +16,8 @@ class Part:
     """Rows and columns of ``whole``, node by node, with vectors ``b`` and ``x`` of their own;
     ``matrix`` is theirs."""
 
-    def __init__(self, whole: PETSc.Mat):
-        self.whole = whole
+    def __init__(self, whole: PETSc.Mat, symmetric: bool = True):
+        self.whole, self._symmetric = whole, symmetric
         self._take_all()
 
     def take(self, used: np.ndarray, diagonal: PETSc.Vec) -> bool:
@@ -65,5 +65,5 @@ class Part:
         self._used, self._rows = used, (bs * nodes[:, None] + np.arange(bs)).ravel()
         self._nodes = PETSc.IS().createBlock(bs, nodes.astype(PETSc.IntType), comm=self.whole.comm)
         self.matrix = self.whole.createSubMatrix(self._nodes, self._nodes)
-        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self._symmetric)
         self.b, self.x = self.matrix.createVecs()

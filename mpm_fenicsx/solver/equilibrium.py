@@ -16,10 +16,10 @@ from ..common.errors import SolverError
 from ..dynamics.motion import Motion
 from ..grid import dolfinx_versions
 from ..mapping.ties import Ties
-from ..response.response import Yielding
-from ..terms.term import Contribution
+from ..response.response import Yielding as Response
+from ..terms.contribution import Contribution
 from .active_nodes import Part
-from .linear_solver import RESCUE, linear_solver
+from .linear_solver import RESCUE, SolverKind, linear_solver
 from .matrix_update import Update
 from .newton import Newton
 
@@ -33,66 +33,61 @@ LOOSE = 1e-2  # relative tolerance that no response is solved with less than
 class Equilibrium:
     """R(u) = 0 with the derivative K of the residual R; each solve starts from u = 0.
 
-    ``contributions``: virtual work of all terms, that of the body's stress first; ``fixed``
-    Dirichlet conditions (the motion knows which of them are not zero); ``options`` PETSc options
-    without prefix, on top of what suits the stepping; ``yielding``: what the law adds to
-    elasticity, if it can yield, and then ``newton`` says when to stop. Without it the step is
-    linear: one solve.  ``reuse``: where fields of the tangent stay as they are in most cells, only
-    the others are assembled.
+    ``body``: virtual work of the stress that the increment u adds, elastic; ``others``: what
+    inertia and all terms contribute; ``fixed``: Dirichlet conditions (the motion knows which of
+    them are not zero).
+    ``response``: what the law adds to elasticity where it can yield, and then ``newton`` says when
+    to stop.  Without it the step is linear: one solve.
+    ``factored``: K does not change, and is factored once.  ``options``: PETSc's, without prefix, on
+    top of what suits the stepping and ``symmetric``, whether K is so.
+    ``reuse``: where fields of the tangent stay as they are in most cells, only the others are
+    assembled.
     """
 
     def __init__(
         self,
         motion: Motion,
-        contributions: Sequence[Contribution],
+        body: Contribution,
+        others: Sequence[Contribution],
         fixed: list,
         options: Mapping[str, object] | None = None,
-        yielding: Yielding | None = None,
+        response: Response | None = None,
         newton: Newton | None = None,
         reuse: bool = False,
+        factored: bool = False,
     ):
-        self.motion, self.bcs, self.yielding, self.newton = (
-            motion,
-            fixed,
-            yielding,
-            newton or Newton(),
-        )
+        self.motion, self.bcs = motion, fixed
+        self.yielding, self.newton = response, newton or Newton()
+        self.symmetric = all(c.symmetric for c in others)
         V = motion.grid.space
-        residual = sum(c.work for c in contributions)
+        residual = sum((c.work for c in others), body.work)
         tangent = ufl.derivative(residual, motion.u, ufl.TrialFunction(V))
-        if yielding is not None:
-            residual, tangent = residual + yielding.work, tangent + yielding.stiffness
-        elif (
-            not motion.moved
-        ):  # a linear step asks for the residual at u = 0 only, which costs less
-            residual = (
-                ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)})
-                if residual
-                else residual
-            )
+        if response is not None:
+            residual, tangent = residual + response.work, tangent + response.stiffness
+            self.symmetric = self.symmetric and response.symmetric
+        elif residual and not motion.moved:
+            # a linear step asks for the residual at u = 0 only, which costs less
+            residual = ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)})
         self.update = Update.of(motion, tangent) if reuse else None
-        self._parts = [c.force for c in contributions if c.force]
-        self._residual, self._tangent = (
-            dolfinx_versions.compile_form(residual),
-            dolfinx_versions.compile_form(tangent),
-        )
+        self._body_work, self._loads = body.work, [c.force for c in others if c.force]
+        self._residual = dolfinx_versions.compile_form(residual)
+        self._tangent = dolfinx_versions.compile_form(tangent)
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
-        ours = motion.stepping.dynamic and options is None
+        ours = motion.stepping.dynamic and options is None and not factored
         # PETSc shifts pivots of rows, not of blocks; with facets between cells an incomplete factor
         # needs that
         self._kind = "baij" if ours and motion.region.dS is None else None
         self._allocate()
-        self.force, self.increment = (
-            fem.Function(V, name="residual"),
-            fem.Function(V, name="increment"),
-        )
+        self.force = fem.Function(V, name="residual")
+        self.increment = fem.Function(V, name="increment")
         self._owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
         self.fixed = np.zeros(len(self.force.x.array), dtype=bool)
         for bc in fixed:
             dofs, _ = bc.dof_indices()
             self.fixed[dofs] = True
         self.idle = np.zeros(self._owned, dtype=bool)
-        self.ksp = linear_solver(self.matrix, motion, options)
+        kind = SolverKind(motion.grid.comm, factored or not motion.stepping.dynamic, self.symmetric)
+        self.ksp = linear_solver(self.matrix, kind.options, options)
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
         self._can_rescue = ours
@@ -104,13 +99,13 @@ class Equilibrium:
     def _allocate(self) -> None:
         """The matrix, with room for what the region may come to integrate over."""
         self.matrix = dolfinx_versions.create_matrix(self._tangent, self._kind)
-        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
+        self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
         if self.motion.region.follows:  # PETSc drops entries that the first assembly leaves out
             dolfinx_versions.assemble_matrix(self.matrix, self._tangent, [])
             self.matrix.assemble()
         self._diagonal = self.matrix.createVecLeft()
         self._plain = None if self.update is None else self.matrix.createVecLeft()
-        self.part = Part(self.matrix)
+        self.part = Part(self.matrix, self.symmetric)
 
     def assemble_tangent(self) -> None:
         """K with the law's tangent as it is, and the part of it that is to be solved."""
@@ -162,7 +157,7 @@ class Equilibrium:
             self._condensed = self.ties.condense(self.matrix, self._condensed)
         A = self.matrix if self._tied is None else self._condensed
         if retied:
-            self.part = Part(A)
+            self.part = Part(A, self.symmetric)
         return A
 
     def _bring_up_to_date(self) -> bool:
@@ -304,7 +299,7 @@ class Equilibrium:
         reason = self._run(self.ksp)
         if reason < 0 and self._can_rescue:
             if self._rescue is None:
-                self._rescue = linear_solver(self.part.matrix, self.motion, RESCUE)
+                self._rescue = linear_solver(self.part.matrix, RESCUE)
             self._rescue.setOperators(self.part.matrix)
             reason, self.rescues = self._run(self._rescue), self.rescues + 1
         self._iterations = self.ksp.getIterationNumber()
@@ -371,12 +366,14 @@ class Equilibrium:
     @cached_property
     def _body(self) -> list:
         """The increment of internal force, but for what the law's ``add_force`` adds."""
-        work = self._parts[0] if self.yielding is None else self._parts[0] + self.yielding.work
+        work = self._body_work
+        if self.yielding is not None:
+            work += self.yielding.work
         return dolfinx_versions.compile_form(work)
 
     @cached_property
     def _forces(self) -> list:
-        return [self._body, *(dolfinx_versions.compile_form(form) for form in self._parts[1:])]
+        return [self._body, *(dolfinx_versions.compile_form(form) for form in self._loads)]
 
     def foresee(self) -> None:
         """Compile what ``add_foreseen`` wants, which else its first call does."""

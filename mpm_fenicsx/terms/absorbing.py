@@ -9,9 +9,9 @@ from ufl import inner
 from ..common.checks import positive
 from ..grid import weak_forms
 from ..materials.law_checks import has
+from .contribution import Contribution
 from .loads import Surface
 from .scene import Scene
-from .term import Contribution
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,12 @@ class Viscous:
         patch, motion, soil = scene.patch(self.on), scene.motion, self.material
         has(f"material of {type(self).__name__}", soil, ("density", "p_speed", "s_speed"))
         Z = patch.tensor(soil.density * soil.p_speed, soil.density * soil.s_speed)
-        return Contribution(
-            weak_forms.dashpot(Z, motion.velocity, motion.w) * patch.measure,
-            lambda: {"absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure},
-        )
+        work = weak_forms.dashpot(Z, motion.velocity, motion.w) * patch.measure
+
+        def energy() -> dict[str, object]:
+            return {"absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure}
+
+        return Contribution(work, energy=energy)
 
 
 @dataclass(frozen=True)
@@ -60,10 +62,9 @@ class Viscoelastic(Viscous):
         stiffness = 2 * G / self.radius, G / (2 * self.radius)
         k, stored = patch.tensor(*stiffness), patch.stored(*stiffness)
         spring = weak_forms.spring(k, motion.u, motion.known(stored), motion.w)
-        return Contribution(
-            viscous.work + spring * patch.measure,
-            lambda: {
-                **viscous.energy(),
-                "stored": inner(0.5 * k * motion.u + stored, motion.u) * patch.measure,
-            },
-        )
+
+        def energy() -> dict[str, object]:
+            in_springs = inner(0.5 * k * motion.u + stored, motion.u) * patch.measure
+            return {**viscous.energy(), "stored": in_springs}
+
+        return Contribution(viscous.work + spring * patch.measure, energy=energy)

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import ufl
 from dolfinx import fem
 
-from ..dynamics.motion import Motion
 from ..grid import weak_forms
+from .contribution import Contribution
 from .load_functions import combined
 from .scene import Scene
-from .term import Contribution
 
 
 def inertia(scene: Scene) -> Contribution:
@@ -23,27 +21,27 @@ def inertia(scene: Scene) -> Contribution:
     return Contribution(weak_forms.inertia(scene.density, motion.acceleration, motion.w) * scene.dx)
 
 
-def elastic_work(motion: Motion, dx: ufl.Measure, λ, μ, u, w, b_bar: bool = False):
-    """Virtual work of the elastic stress of u; ``dx`` integrates what λ and μ weigh.
+def elastic_work(scene: Scene, u, w, lame: tuple | None = None):
+    """Virtual work of the elastic stress of u against w, with the scene's λ and μ or those in
+    ``lame``.
 
-    With ``b_bar`` volume changes cell by cell: its work is taken with one point a cell, where the
-    divergence is the cell's mean on rectilinear grids (B-bar; Hughes 1980), and near it on others
-    (selective reduced integration).
+    With ``scene.b_bar`` volume changes cell by cell: its work is taken with one point a cell, where
+    the divergence is the cell's mean on rectilinear grids (B-bar; Hughes 1980), and near it on
+    others (selective reduced integration).
     """
-    if not b_bar:
+    (λ, μ), dx = scene.lame if lame is None else lame, scene.stiffness_dx
+    if not scene.b_bar:
         return weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w) * dx
-    centre = motion.region.dx(metadata={"quadrature_degree": 1})
+    centre = scene.motion.region.dx(metadata={"quadrature_degree": 1})
     return weak_forms.distortion_work(μ, u, w) * dx + weak_forms.dilation_work(λ, μ, u, w) * centre
 
 
-def elasticity(
-    scene: Scene, dx: ufl.Measure, λ, μ, before=None, b_bar: bool = False
-) -> Contribution:
+def elasticity(scene: Scene, before=None) -> Contribution:
     """Virtual work of the stress of the increment u, on top of the displacement ``before`` if that
     is given."""
     motion = scene.motion
     u = motion.u if before is None else motion.known(before) + motion.u
-    work = elastic_work(motion, dx, λ, μ, u, motion.w, b_bar)
+    work = elastic_work(scene, u, motion.w)
     return Contribution(work, force=work)
 
 
@@ -68,9 +66,11 @@ class Gravity:
             else partial(_everywhere, scene)
         )
 
+        contribution = Contribution()
+
         def weight(value: Callable[[float, float, np.ndarray], np.ndarray]):
             found, refresh = force(value)
-            scene.before.append(refresh)
+            contribution.before.append(refresh)
             return found
 
         def energy() -> dict[str, object]:
@@ -78,8 +78,9 @@ class Gravity:
             return {"work": weak_forms.load(mean, motion.u) * scene.dx}
 
         g = weight(lambda start, end, x: combined(function, start, end, x, motion.stepping.start))
-        work = -weak_forms.load(g, motion.w) * scene.dx
-        return Contribution(work, energy, work)
+        contribution.work = contribution.force = -weak_forms.load(g, motion.w) * scene.dx
+        contribution.energy = energy
+        return contribution
 
 
 def _everywhere(scene: Scene, value: Callable) -> tuple[object, Callable[[float, float], None]]:
@@ -94,10 +95,8 @@ def _everywhere(scene: Scene, value: Callable) -> tuple[object, Callable[[float,
 
 def _at_nodes(scene: Scene, value: Callable) -> tuple[object, Callable[[float, float], None]]:
     """The same of one that is given at the nodes."""
-    g, x = (
-        fem.Function(scene.grid.space),
-        scene.grid.space.tabulate_dof_coordinates()[:, : scene.grid.dim],
-    )
+    g = fem.Function(scene.grid.space)
+    x = scene.grid.space.tabulate_dof_coordinates()[:, : scene.grid.dim]
 
     def refresh(start: float, end: float) -> None:
         scene.motion.nodal(g)[:] = value(start, end, x)

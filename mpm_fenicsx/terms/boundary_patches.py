@@ -16,6 +16,7 @@ from ..mapping.projection import AT_NODES, Projection, simpson
 from ..mapping.shape_functions import Stencil
 from ..mapping.surface_faces import Faces
 from ..points.surface_points import SurfacePoints
+from .facets import on_facets
 from .load_functions import Load, combined
 
 
@@ -33,6 +34,8 @@ class FacetPatch:
             raise ValueError(f"on: the facets {surface.names} belong to another grid")
         self.grid, self.motion = scene.grid, scene.motion
         self.measure, self.surface = surface.measure, surface
+        self.tags, self.points = set(surface.tags), None
+        self.acting: list[str] = []
         self._refresh: list[Callable[[float, float], None]] = []
         self._total: fem.Function | None = None
 
@@ -70,10 +73,8 @@ class FacetPatch:
             f = fem.Function(V)
             x = V.tabulate_dof_coordinates()[:, : self.grid.dim]
         else:
-            f, x = (
-                fem.Constant(self.grid.mesh, np.zeros(self.grid.dim)),
-                np.zeros((1, self.grid.dim)),
-            )
+            f = fem.Constant(self.grid.mesh, np.zeros(self.grid.dim))
+            x = np.zeros((1, self.grid.dim))
 
         def refresh(start: float, end: float) -> None:
             # asked for anew: in DOLFINx 0.5 the view of a constant's value does not keep the
@@ -106,12 +107,11 @@ class FacetPatch:
         Raises ``ValueError`` on all ranks where they are on a part of these facets only, or have
         not accumulated the same.
         """
-        mine = set(self.surface.tags)
-        same = [p for p in others if isinstance(p, FacetPatch) and mine & set(p.surface.tags)]
+        same = [p for p in others if self.tags & p.tags]
         if not same:
             return same
         total = same[0]._total.x.array
-        whole = mine <= set().union(*(p.surface.tags for p in same))
+        whole = self.tags <= set().union(*(p.tags for p in same))
         alike = all(np.array_equal(total, p._total.x.array) for p in same)
         if anywhere(self.grid.comm, None if whole and alike else "other"):
             raise ValueError(
@@ -120,6 +120,14 @@ class FacetPatch:
             )
         self._total.x.array[:] = total
         return same
+
+    def touched(self, there: np.ndarray, whole: float) -> tuple[str, float, float]:
+        """What the surface is called, its area with material, and its area, of all ranks.
+
+        ``there`` (nodes,): 1 where there is material, else 0.
+        """
+        where = f"the facets {', '.join(self.surface.names)}"
+        return where, *on_facets(self.grid, self.surface, there)
 
     def __str__(self) -> str:
         return f"the facets {self.surface.names}"
@@ -160,7 +168,10 @@ class PointPatch:
             )
         if not scene.grid.comm.allreduce(len(points)):
             raise ValueError("on: the surface has no points")
-        self.grid, self.motion, self.points = scene.grid, scene.motion, points
+        self.grid, self.motion = scene.grid, scene.motion
+        self.surface = self.points = points
+        self.tags: set[int] = set()
+        self.acting: list[str] = []
         self._at_rest = scene.at_rest
         self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
         self.faces = Faces(self.grid, points)
@@ -297,7 +308,25 @@ class PointPatch:
 
     def take(self, others: Sequence) -> list:
         """The points carry what springs have accumulated; returns which of ``others`` are here."""
-        return [p for p in others if isinstance(p, PointPatch) and p.points is self.points]
+        return [p for p in others if p.points is self.points]
+
+    def touched(self, there: np.ndarray, whole: float) -> tuple[str, float, float]:
+        """What the surface is called, its area with material, and its area, of all ranks.
+
+        ``there`` (nodes,): 1 where there is material, else 0; a point of whose neighbours less than
+        ``whole`` lacks is not named.
+        """
+        self.locate()
+        points, comm = self.points, self.grid.comm
+        share = self.faces.weights @ there
+        lost = np.flatnonzero(share < 1.0 - whole)
+        places = comm.allgather(points.x[lost[0]] if len(lost) else None)
+        first = next((str(x) for x in places if x is not None), "")
+        return (
+            f"surface points, as at x={first}",
+            comm.allreduce(float(points.area @ share)),
+            comm.allreduce(float(points.area.sum())),
+        )
 
     def __str__(self) -> str:
         return f"{len(self.points)} surface points"

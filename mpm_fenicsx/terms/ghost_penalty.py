@@ -12,8 +12,8 @@ from ..common.checks import finite, positive
 from ..grid import dolfinx_versions, weak_forms
 from ..grid.grid import Grid
 from ..mapping.projection import HATS, QUADRATICS
+from .contribution import Contribution
 from .scene import Scene
-from .term import Contribution
 
 # of a full cell: with less, nodal velocities are round-off (GIMP's), and stiffness alone holds
 # nodes
@@ -53,7 +53,7 @@ class GhostPenalty:
 
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work of the jumps."""
-        if not scene.lame:
+        if not scene.partly_filled:
             return Contribution()
         motion, grid = scene.motion, scene.grid
         measure = motion.region.seams()(metadata={"quadrature_degree": 3})
@@ -66,7 +66,6 @@ class GhostPenalty:
             cut.find(loaded)
             motion.region.sew(cut.light, cut.filled)
 
-        scene.before.append(refresh)
         n, J = ufl.FacetNormal(grid.mesh), ufl.Jacobian(grid.mesh)
         h = ufl.avg(weak_forms.across(J, n))
         β = ufl.max_value(cut.β("+"), cut.β("-"))
@@ -74,7 +73,7 @@ class GhostPenalty:
         work = weak_forms.kink(self.stiffness * β * M * h, motion.u, motion.w, n)
         if motion.stepping.dynamic:
             work += weak_forms.kink(self.mass * β * ρ * h**3, motion.acceleration, motion.w, n)
-        return Contribution(work * measure)
+        return Contribution(work * measure, before=[refresh])
 
 
 class _Given:

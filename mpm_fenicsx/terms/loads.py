@@ -12,8 +12,8 @@ from dolfinx import fem
 from ..grid import weak_forms
 from ..grid.grid import GridSurface
 from ..points.surface_points import SurfacePoints
+from .contribution import Contribution
 from .scene import Scene
-from .term import Contribution
 
 Surface = GridSurface | SurfacePoints
 
@@ -35,17 +35,17 @@ class Traction:
         patch, motion = scene.patch(self.on), scene.motion
         load = self._load(scene, patch)
         work = -weak_forms.load(load(), motion.w) * patch.measure
-        return Contribution(
-            work, lambda: {"work": weak_forms.load(load(mean=True), motion.u) * patch.measure}, work
-        )
+
+        def energy() -> dict[str, object]:
+            return {"work": weak_forms.load(load(mean=True), motion.u) * patch.measure}
+
+        return Contribution(work, force=work, energy=energy)
 
     def _load(self, scene: Scene, patch) -> Callable:
         held = patch.held(self.value)
-        return (
-            partial(patch.load, *scene.load("value of Traction", self.value))
-            if held is None
-            else lambda mean=False: held if mean else scene.motion.known(held)
-        )
+        if held is None:
+            return partial(patch.load, *scene.load("value of Traction", self.value))
+        return lambda mean=False: held if mean else scene.motion.known(held)
 
 
 @dataclass(frozen=True)

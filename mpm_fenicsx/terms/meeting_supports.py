@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from itertools import combinations
 
 import numpy as np
 from dolfinx import fem
 
 from ..common.ranks import anywhere
+from .contribution import Contribution
 from .load_functions import of_time
 from .scene import Scene
 from .supports import Fixed
@@ -19,16 +20,15 @@ ALIKE = 1e-9
 """Of the displacements: supports that move nodes by no more than that apart move them alike."""
 
 
-def refuse_disagreement(scene: Scene, terms: Sequence) -> None:
+def refuse_disagreement(scene: Scene) -> None:
     """Raise ``ValueError``, on all ranks, where two ``Fixed`` move the same component of a node
     differently.
 
     Looks at the first steps now, and at the others when they come.
     """
-    supports = [term for term in terms if isinstance(term, Fixed)]
     pairs = [
         (a, b)
-        for a, b in combinations(supports, 2)
+        for a, b in combinations(scene.supports, 2)
         if (a.value, a.acceleration) != (b.value, b.acceleration)
     ]
     meeting = [
@@ -53,7 +53,7 @@ def refuse_disagreement(scene: Scene, terms: Sequence) -> None:
             break
         if fault:
             raise ValueError(fault)
-    scene.before.append(look)
+    scene.contributions.append(Contribution(before=[look]))
 
 
 def _difference(a: Fixed, b: Fixed, place: str, start: float, end: float) -> str | None:

@@ -9,18 +9,16 @@ that have material.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from dolfinx import fem
 
 from ..grid import dolfinx_versions
-from ..grid.grid import Grid, GridSurface
+from ..grid.grid import Grid
 from ..mapping.shape_functions import Stencil
 from ..points.material_points import MaterialPoints
-from ..points.surface_points import SurfacePoints
-from .absorbing import Viscous
-from .loads import Traction
+from .facets import on_facets
 from .scene import Scene
 from .supports import Fixed
 
@@ -35,7 +33,6 @@ FULL = 1e-3
 
 def check_reach(
     scene: Scene,
-    terms: Sequence,
     bodies: Sequence[MaterialPoints],
     cells: Sequence[np.ndarray],
     stencils: Sequence[Stencil],
@@ -46,25 +43,25 @@ def check_reach(
     to meet: in dynamics a warning names facets that hold nothing yet; in statics a support that
     does so on all its facets is refused.
     """
-    acting = [term for term in terms if isinstance(term, Traction | Viscous | Fixed)]
-    if not acting:
+    acting = [patch for patch in scene.patches if patch.acting]
+    if not acting and not scene.supports:
         return
     there = _nodes_with_material(scene.grid, bodies, cells, stencils)
-    for term in acting:
-        if isinstance(term, Fixed):
-            _check_support(scene, term, there)
-            continue
-        where, touched, area = _touched(scene, term.on, there)
-        name = type(term).__name__
+    for support in scene.supports:
+        _check_support(scene, support, there)
+    for patch in acting:
+        where, touched, area = patch.touched(there, WHOLE)
+        names = " and ".join(patch.acting)
+        act = "act" if len(patch.acting) > 1 else "acts"
         if touched <= WHOLE * area:
             raise ValueError(
-                f"on: {name} acts on {where}, where there is no material; let the grid end where "
-                "the body ends, or take the body's own surface, points.surface(side)"
+                f"on: {names} {act} on {where}, where there is no material; let the grid end "
+                "where the body ends, or take the body's own surface, points.surface(side)"
             )
         if touched < (1.0 - WHOLE) * area:
             unit = "m" if scene.grid.dim == 2 else "m²"
             warnings.warn(
-                f"{name} acts on {where}, of which nodes with material bear "
+                f"{names} {act} on {where}, of which nodes with material bear "
                 f"{100 * touched / area:.3g} % only, {touched:.4g} of {area:.4g} {unit}: the rest "
                 "is lost",
                 UserWarning,
@@ -99,7 +96,7 @@ def partly_filled(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[
 
 def _check_support(scene: Scene, term: Fixed, there: np.ndarray) -> None:
     found = [
-        (name, _on_facets(scene.grid, scene.grid.facets(name), there)[0])
+        (name, on_facets(scene.grid, scene.grid.facets(name), there)[0])
         for name in dict.fromkeys(term.on.names)
     ]
     bare = ", ".join(name for name, touched in found if touched == 0.0)
@@ -116,54 +113,6 @@ def _check_support(scene: Scene, term: Fixed, there: np.ndarray) -> None:
         UserWarning,
         stacklevel=4,
     )
-
-
-def _touched(
-    scene: Scene, on: GridSurface | SurfacePoints, there: np.ndarray
-) -> tuple[str, float, float]:
-    """What a surface is called, its area with material, and its area."""
-    if isinstance(on, GridSurface):
-        return (f"the facets {', '.join(on.names)}", *_on_facets(scene.grid, on, there))
-    patch, comm = scene.patch(on), scene.grid.comm
-    patch.locate()
-    share = patch.faces.weights @ there
-    lost = np.flatnonzero(share < 1.0 - WHOLE)
-    first = next(
-        (str(x) for x in comm.allgather(on.x[lost[0]] if len(lost) else None) if x is not None), ""
-    )
-    return (
-        f"surface points, as at x={first}",
-        comm.allreduce(float(on.area @ share)),
-        comm.allreduce(float(on.area.sum())),
-    )
-
-
-def _on_facets(grid: Grid, on: GridSurface, there: np.ndarray) -> tuple[float, float]:
-    """Area of facets with material, and area, of all ranks."""
-    touched = area = 0.0
-    for nodes, x in _facets(grid, on):
-        extent = np.ptp(x, axis=0)
-        whole = np.delete(extent, np.argmin(extent)).prod()
-        touched, area = touched + whole * there[nodes].mean(), area + whole
-    return grid.comm.allreduce(touched), grid.comm.allreduce(area)
-
-
-def _facets(grid: Grid, on: GridSurface) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Nodes and their places of each facet that this rank owns."""
-    topology, dim = grid.mesh.topology, grid.dim
-    for pair in ((dim - 1, 0), (dim, 0)):
-        topology.create_connectivity(*pair)
-    vertices, corners = (topology.connectivity(d, 0) for d in (dim - 1, dim))
-    node = np.zeros(
-        topology.index_map(0).size_local + topology.index_map(0).num_ghosts, dtype=np.int32
-    )
-    node[corners.array] = dolfinx_versions.cell_dofs(
-        grid.space
-    ).ravel()  # the dofs of a cell come in its vertices' order
-    x = grid.space.tabulate_dof_coordinates()[:, :dim]
-    for facet in on.facets[on.facets < topology.index_map(dim - 1).size_local]:
-        nodes = node[vertices.links(facet)]
-        yield nodes, x[nodes]
 
 
 def _nodes_with_material(

@@ -4,7 +4,7 @@ on."""
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,21 +12,28 @@ import ufl
 
 from ..common.ranks import anywhere
 from ..dynamics.motion import Motion
-from ..dynamics.prescribed_motion import Prescribed
 from ..grid.grid import Grid
 from .boundary_patches import patch
+from .contribution import Contribution
 from .load_functions import TRIALS, Load, as_load
 
 
 @dataclass
 class Scene:
-    """Collects what the terms of a simulation need, and no more.
+    """What a run offers to its terms, and what these leave with it.
 
-    ``density`` is the field or constant ρ (kg/m³); ``dx`` integrates what it weighs; ``lame`` are
-    the fields λ and μ (Pa) of material points, which like ``density`` are less where a cell is
-    partly filled.  ``body_force`` makes ρb (N/m³) of a body force per mass that varies in space,
-    and what refreshes it: at nodes, where it is not given. ``at_rest``: integrals are taken in the
-    configuration at rest, where surface points stay.
+    ``grid`` and ``motion`` (u, v, a and the test function w).  ``density`` ρ (kg/m³) is a field or
+    a constant that ``dx`` integrates, ``lame`` are λ and μ (Pa), which ``stiffness_dx`` does;
+    with material points they are less where a cell is partly filled, and ``partly_filled`` says
+    that cells may be.  ``of_material`` gives the same three with those of all other materials left
+    out.
+    ``b_bar``: volume changes cell by cell (see ``body.elastic_work``).
+    ``body_force`` makes ρb (N/m³) of a body force per mass that varies in space, and what refreshes
+    it: at nodes, where it is not given.
+    ``at_rest``: integrals are taken in the configuration at rest, where surface points stay.
+
+    ``contributions``: what the terms do, in their order; ``patches``: the surfaces that they act
+    on; ``fixed``: Dirichlet conditions, and ``supports`` the terms that set them.
     """
 
     grid: Grid
@@ -34,20 +41,42 @@ class Scene:
     density: object
     dx: ufl.Measure
     lame: tuple = ()
+    stiffness_dx: ufl.Measure | None = None
+    of_material: Callable | None = None
+    b_bar: bool = False
+    partly_filled: bool = False
     body_force: Callable | None = None
     at_rest: bool = False
     fixed: list = field(default_factory=list)
-    prescribed: list[Prescribed] = field(default_factory=list)
-    before: list[Callable[[float, float], None]] = field(default_factory=list)
-    patches: dict[int, object] = field(default_factory=dict)
+    supports: list = field(default_factory=list)
+    contributions: list[Contribution] = field(default_factory=list)
+    patches: list = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
     body_loaded: bool = False
+    _binding: str = field(default="", repr=False)
+
+    def bind(self, terms: Sequence) -> list[Contribution]:
+        """What the terms do, one contribution a term."""
+        for term in terms:
+            self._binding = type(term).__name__
+            found = term.bind(self)
+            if not isinstance(found, Contribution):
+                raise ValueError(
+                    f"terms: bind of {self._binding} must return a Contribution, got {found!r}"
+                )
+            self.contributions.append(found)
+        self._binding = ""
+        return self.contributions
 
     def patch(self, surface):
         """The boundary patch of a surface, one for all terms that act on it."""
-        if id(surface) not in self.patches:
-            self.patches[id(surface)] = patch(surface, self)
-        return self.patches[id(surface)]
+        found = next((p for p in self.patches if p.surface is surface), None)
+        if found is None:
+            found = patch(surface, self)
+            self.patches.append(found)
+        if self._binding and self._binding not in found.acting:
+            found.acting.append(self._binding)
+        return found
 
     def load(self, name: str, value) -> tuple[Load, bool]:
         """A load as ``as_load`` returns it, with an eye on its values."""
@@ -66,10 +95,11 @@ class Scene:
             load.fault = None
         for known in self.motion.moved:
             known.prepare(start, end, self.motion.stepping)
-        for p in self.patches.values():
+        for p in self.patches:
             p.prepare(start, end)
-        for refresh in self.before:
-            refresh(start, end)
+        for contribution in self.contributions:
+            for refresh in contribution.before:
+                refresh(start, end)
         fault = anywhere(
             self.grid.comm, next((load.fault for load in self.loads if load.fault), None)
         )
@@ -78,13 +108,13 @@ class Scene:
 
     def mark(self, cells: np.ndarray) -> None:
         """Mark the cells that hold surface points."""
-        for p in self.patches.values():
+        for p in self.patches:
             p.mark(cells)
 
     def mark_loaded(self, cells: np.ndarray) -> None:
         """Mark the cells (cells,) on which surfaces act: 2 where surface points do, 1 where facets
         do."""
-        for p in self.patches.values():
+        for p in self.patches:
             p.mark_loaded(cells)
 
     def go_on_from(self, other: Scene) -> None:
@@ -93,9 +123,9 @@ class Scene:
         Raises ``ValueError`` where only a part of a surface had springs before; warns where springs
         of before are on none of the surfaces that have springs now, and other surfaces are new.
         """
-        before = [p for p in other.patches.values() if p.has_springs]
+        before = [p for p in other.patches if p.has_springs]
         gone, new = list(before), []
-        for p in self.patches.values():
+        for p in self.patches:
             if p.has_springs:
                 same = p.take(before)
                 gone = [q for q in gone if q not in same]
@@ -110,16 +140,22 @@ class Scene:
             )
 
     def carry(self) -> None:
-        """After the step: surfaces move, springs remember, records go on."""
-        for p in (*self.patches.values(), *self.prescribed):
+        """After the step: surfaces move, springs remember, terms do what they do then."""
+        for p in self.patches:
             p.carry()
+        for contribution in self.contributions:
+            for follow in contribution.after:
+                follow()
 
     def state(self) -> dict[str, np.ndarray]:
-        """Arrays of surfaces and records that a restart needs, by name; not copied."""
-        kinds = {"surfaces": self.patches.values(), "prescribed": self.prescribed}
+        """Arrays of surfaces and terms that a restart needs, by name; not copied."""
+        kinds = {
+            "surfaces": [p.state() for p in self.patches],
+            "terms": [contribution.memory for contribution in self.contributions],
+        }
         return {
             f"{kind}/{k}/{name}": value
             for kind, parts in kinds.items()
             for k, part in enumerate(parts)
-            for name, value in part.state().items()
+            for name, value in part.items()
         }

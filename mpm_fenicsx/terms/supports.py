@@ -12,9 +12,9 @@ from ..common.checks import one_of
 from ..dynamics.motion import KnownMotion
 from ..dynamics.prescribed_motion import AccelerationRecord, Displacement, Prescribed, WholeMotion
 from ..grid.grid import GridSurface
+from .contribution import Contribution
 from .load_functions import of_time
 from .scene import Scene
-from .term import Contribution
 
 
 @dataclass(frozen=True)
@@ -67,9 +67,14 @@ class Fixed:
                 scene.motion.at_rest.append(dofs)
             else:
                 scene.motion.moved.append(KnownMotion(dofs, prescribed))
-        if prescribed is not None:
-            scene.prescribed.append(prescribed)
-        return Contribution()
+        scene.supports.append(self)
+        if prescribed is None:
+            return Contribution()
+        return Contribution(
+            after=[prescribed.carry],
+            memory=prescribed.state(),
+            note=prescribed.description,
+        )
 
     def _prescribed(self, dynamic: bool) -> Prescribed | None:
         """The motion given, or None for no motion."""

@@ -1,16 +1,32 @@
-"""What a term adds to the balance of forces."""
+"""What a term is: a load, a support, a boundary, a stabilisation, damping.
+
+A term of your own is one class in one file.  It needs ``bind`` and nothing else:
+
+    @dataclass(frozen=True)
+    class Winkler:
+        on: Surface
+        stiffness: float  # Pa/m
+
+        def bind(self, scene):
+            patch, motion = scene.patch(self.on), scene.motion
+            ...
+            return Contribution(work=form * patch.measure)
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from typing import Protocol
+
+from .contribution import Contribution
+from .scene import Scene
 
 
-@dataclass
-class Contribution:
-    """Virtual work of one term, the part of it that is a load or an internal force known before the
-    step, and, on request, what it does to the energy in a step (J)."""
+class Term(Protocol):
+    """A load, a support, a boundary, a stabilisation, damping."""
 
-    work: object = 0
-    energy: Callable[[], dict[str, object]] = dict
-    force: object = 0
+    def bind(self, scene: Scene) -> Contribution:
+        """What the term does in a run, whose motion, fields and surfaces ``scene`` has.
+
+        Called once, when the run is built.  Raises ``ValueError`` naming what the scene cannot
+        serve.
+        """

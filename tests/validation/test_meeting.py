@@ -112,11 +112,9 @@ def test_bars_in_series(mapping, record):
     )
     for value in (left.x[:, 0], left.half[:, 0], left.volume):
         value *= 1.0 - g / (na * h)
-    end, start, smooth = (
-        left.surface("right"),
-        right.surface("left"),
-        Fixed(grid.facets("bottom", "top"), "y"),
-    )
+    end = left.surface("right")
+    start = right.surface("left")
+    smooth = Fixed(grid.facets("bottom", "top"), "y")
     one = Simulation(
         grid,
         left,
@@ -164,10 +162,8 @@ def test_a_block_rests_and_slides(mapping, record):
     for _ in range(2 * steps):
         run.step()
         found.append(run.forces[0] / (9.81 * block.mass.sum()))
-    error, kept = (
-        abs(np.mean(found[steps:], axis=0)[1] - 1.0),
-        abs(block.velocity[:, 0].mean() / slide - 1.0),
-    )
+    error = abs(np.mean(found[steps:], axis=0)[1] - 1.0)
+    kept = abs(block.velocity[:, 0].mean() / slide - 1.0)
     record(f"{CASE}: weight of a sliding block", mapping, error)
     record(f"{CASE}: velocity of a sliding block", mapping, kept)
     assert error < 5e-3 and kept < 1e-3

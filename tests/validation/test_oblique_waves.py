@@ -68,13 +68,11 @@ class Packet:
         cos(k_y y + ωt)."""
         phase = np.outer(x[:, 1] - self.start, self.ky)
         c, s = self.a * np.cos(phase), self.a * np.sin(phase)
-        X, Y, kx, ky, ω = (
-            np.cos(self.kx * x[:, 0]),
-            np.sin(self.kx * x[:, 0]),
-            self.kx,
-            self.ky,
-            self.ω,
-        )
+        X = np.cos(self.kx * x[:, 0])
+        Y = np.sin(self.kx * x[:, 0])
+        kx = self.kx
+        ky = self.ky
+        ω = self.ω
         if self.wave == "P":  # the gradient of cos kx x cos(...)
 
             def field(c, s):

@@ -131,14 +131,10 @@ def test_energy_where_points_cross_cells(mapping, radius, record):
     """At 3 % of strain, where kinetic and strain energy are no longer those of the small one: 1 %
     up and down."""
     energy = vibrate(mapping, 1, 0.03, radius)[2]
-    how, gains = (
-        "" if radius == 1.0 else f", spectral radius {radius}",
-        mapping.composite and radius == 1.0,
-    )
-    name, rises = (
-        f"6 vibration at 3 % of strain: energy lost or gained{how}",
-        np.diff(maxima(energy)),
-    )
+    how = "" if radius == 1.0 else f", spectral radius {radius}"
+    gains = mapping.composite and radius == 1.0
+    name = f"6 vibration at 3 % of strain: energy lost or gained{how}"
+    rises = np.diff(maxima(energy))
     loses = not mapping.support and not gains
     record(
         name,
