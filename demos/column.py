@@ -1,8 +1,8 @@
 """A pressure pulse runs down an elastic column: fixed, viscous and viscoelastic base against the
 exact answer.
 
-The one-dimensional test of Do, Vardon, González Acosta & Hicks (2023), section 4.1.  Units: m, s,
-kg, Pa.
+The one-dimensional test of Do, Vardon, González Acosta & Hicks (2023), section 4.1, built in
+``mpm_fenicsx.scenes.column``.  Units: m, s, kg, Pa.
 
     python demos/column.py          what the figure needs, about a minute
     python demos/column.py --all    every mapping
@@ -21,38 +21,21 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    MAPPINGS,
-    MPM,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Probe,
-    RunError,
-    Simulation,
-    Traction,
-    Viscoelastic,
-    Viscous,
+from mpm_fenicsx import DM_GC, GIMP, MAPPINGS, MPM, Energy, RunError
+from mpm_fenicsx.scenes.column import (
+    BASES,
+    Watch,
+    answer,
+    dt,
+    end,
+    finite_elements,
+    height,
+    material_points,
+    peak,
+    small,
 )
-from mpm_fenicsx.analytical import waves
-from mpm_fenicsx.analytical.column import Column
 
 RESULTS = Path(__file__).parents[1] / "results"
-BASES = ("fixed", "viscous", "viscoelastic")
-
-soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
-height, radius = 20.0, 20.0  # of the column; to the source, for the springs
-peak, small = (
-    300e3,
-    0.3e3,
-)  # the paper's pressure, and one at which strains are as small as the exact answer assumes
-end, dt = 1.5, 1e-3
 FIGURES = (
     "max_pressure_mid_kpa",
     "max_pressure_base_kpa",
@@ -65,64 +48,10 @@ FIGURES = (
 )
 
 
-def pulse(t, load):
-    """Triangle of half a second."""
-    return load * np.maximum(0.0, 1.0 - np.abs(t - 0.25) / 0.25)
-
-
-def terms(base, load, surface, grid):
-    """The scene; ``surface`` gives facets to finite elements and surface points to material
-    points."""
-    foot = {
-        "fixed": lambda: Fixed(grid.facets("bottom"), "y"),
-        "viscous": lambda: Viscous(surface("bottom"), soil),
-        "viscoelastic": lambda: Viscoelastic(surface("bottom"), soil, radius),
-    }
-    return [
-        Fixed(grid.facets("left", "right"), "x"),
-        Traction(surface("top"), lambda t: (0.0, -pulse(t, load))),
-        foot[base](),
-    ]
-
-
-def finite_elements(base, load, cell=0.25, step=dt, **options):
-    """The twin: facets of the mesh bear the load and the dashpots; ``options`` of
-    ``FiniteElements``."""
-    grid = Grid.box((0, 0), (1, height), cells=(round(1 / cell), round(height / cell)))
-    return FiniteElements(
-        grid, soil, Newmark(step), terms(base, load, grid.facets, grid), **options
-    )
-
-
-def material_points(base, load, mapping=DM_GC, cell=0.25, step=dt, per_cell=4, **options):
-    """Material points: the column on a grid with room at the top, and for an absorbing base to
-    drift; ``options`` of ``Simulation``."""
-    bottom = 0 if base == "fixed" else -1
-    grid = Grid.box(
-        (0, bottom), (1, height + 1), cells=(round(1 / cell), round((height + 1 - bottom) / cell))
-    )
-    points = MaterialPoints.fill(
-        grid, soil, per_cell, inside=lambda x: (x[1] > 0) & (x[1] < height)
-    )
-    return Simulation(
-        grid, points, Newmark(step), terms(base, load, points.surface, grid), mapping, **options
-    )
-
-
-def answer(base, load):
-    """The exact column."""
-    spring = 2 * soil.lame[1] / radius if base == "viscoelastic" else 0.0
-    return Column(
-        height, soil.p_speed, soil.density, lambda t: pulse(t, load), end, base == "fixed", spring
-    )
-
-
 def measure(run, base, load, until=None, progress=None):
     """Run, and compare with the exact column: a row of figures, and curves of time, pressure,
     displacement."""
-    middle, foot = (run.record(Probe("stress", (0.5, y))) for y in (height / 2, 0.0))
-    half, top = (run.record(Probe("displacement", (0.5, y))) for y in (height / 2, height))
-    energy = run.record(Energy())
+    watch, energy = Watch(run, base, load), run.record(Energy())
     row = {"mapping": run.name, "base": base, "load_kpa": load / 1e3, **dict.fromkeys(FIGURES)}
     row["unstable_at_step"] = None
     began = time.perf_counter()
@@ -137,16 +66,9 @@ def measure(run, base, load, until=None, progress=None):
             int(wild[0]),
             "more energy in the body than work was done on it",
         )
-    t, column = middle.times, answer(base, load)
-    pairs = {
-        "pressure_mid": (-middle.values[:, 1], column.pressure(height / 2, t)),
-        "pressure_base": (-foot.values[:, 1], column.pressure(height, t)),
-        "displacement_mid": (-half.values[:, 1], column.displacement(height / 2, t)),
-        "displacement_top": (-top.values[:, 1], column.displacement(0.0, t)),
-    }
+    t, pairs = watch.times, watch.pairs()
     if row["unstable_at_step"] is None:
-        for name, (computed, known) in pairs.items():
-            row[f"error_{name}"] = waves.relative_error(computed, known)
+        row.update(watch.errors())
         row["max_pressure_mid_kpa"] = float(pairs["pressure_mid"][0].max() / 1e3)
         row["max_pressure_base_kpa"] = float(pairs["pressure_base"][0].max() / 1e3)
         row["max_displacement_mid_m"] = float(pairs["displacement_mid"][0].max())

@@ -1,9 +1,7 @@
 """A strip on soil that softens: fixed, viscous and viscoelastic boundaries under the same pulses.
 
-The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2.  Units: m, s, kg, Pa.
-The paper prints neither load nor softening modulus nor the points' places: they are assumed here,
-as are rollers where the sides are fixed.  Its quasi-static first step is left out: without gravity
-there is nothing at rest to carry over.
+The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2, built in
+``mpm_fenicsx.scenes.foundation``, which says what is assumed.  Units: m, s, kg, Pa.
 
     python demos/foundation.py            the paper's grid, a few minutes
     python demos/foundation.py --quick    cells of 0.125 m, half a minute
@@ -22,47 +20,31 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from mpm_fenicsx import (
-    DM_GC,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Probe,
-    RunError,
-    Simulation,
-    Traction,
-    Viscoelastic,
-    Viscous,
-    VonMises,
+from mpm_fenicsx import Energy, Grid, Probe, RunError
+from mpm_fenicsx.scenes.foundation import (
+    ASSUMED,
+    BOUNDARIES,
+    Foundation,
+    axis,
+    dt,
+    end,
+    height,
+    load,
+    plateau,
+    point_1,
+    point_2,
+    pulses,
+    softening,
+    strip,
+    width,
 )
 
 HOME = Path(__file__).parents[1]
-BOUNDARIES = ("fixed", "viscous", "viscoelastic")
 CELLS = {0.0625: "", 0.125: "_coarse"}  # m: endings of the names in meshes/
-
-# The paper's.
-width, height, strip = 6.0, 4.0, 1.0
-elastic = LinearElastic(young=2e6, poisson=0.41, density=1000.0)
-peak, residual = 10e3, 3e3  # cohesion
-plateau = 3**0.5 * peak  # of the deviatoric stress, in all that follows q = √(3/2 s:s)
-end, dt = 0.925, 5e-3
-
-# Assumed: the paper prints none of these.
-ASSUMED = "assumed: load, softening, places of the points, radius; no quasi-static first step"
-softening = 50e3  # of cohesion, a unit of plastic strain
-load = 26e3
 maps_load, maps_softening = (
     36e3,
     100e3,
 )  # where the maps look most like the paper's: studies/foundation_load.py
-first, on, off = 0.225, 0.2, 0.1  # half-sines: start of the first, duration, pause
-radius = 4.0  # from the strip to the base, for the springs
-axis = width / 2
-point_1, point_2 = (axis, height - 0.5), (axis, height - 0.97)
 
 YIELDED = 1e-4  # plastic strain
 DEPARTURES = {
@@ -82,67 +64,15 @@ FIGURES = {  # of a row, with the scale and the form in which the table shows th
 }
 
 
-def pulses(t, load):
-    """Half-sines with pauses."""
-    since = np.asarray(t) - first
-    phase = since % (on + off)
-    return np.where((since > 0) & (phase < on), load * np.sin(np.pi * phase / on), 0.0)
-
-
-def soil(softening=softening):
-    """Von Mises soil of a softening (Pa)."""
-    return VonMises(elastic, peak, residual, softening)
-
-
-def under_strip(x):
-    """Whether x lies within the strip's width."""
-    return np.abs(x[0] - axis) < strip / 2 + 1e-9
-
-
-def terms(boundary, load, surface, grid):
-    """The scene; ``surface`` gives facets to finite elements and surface points to material
-    points."""
-    pressed = Traction(surface("top", where=under_strip), lambda t: (0.0, -float(pulses(t, load))))
-    if boundary == "fixed":
-        return [pressed, Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
-    edge = surface("left", "right", "bottom")
-    return [
-        pressed,
-        Viscous(edge, elastic) if boundary == "viscous" else Viscoelastic(edge, elastic, radius),
-    ]
-
-
-def finite_elements(boundary, load=load, softening=softening, cell=0.0625):
-    """The twin, small strain: facets of the mesh bear the load and the dashpots."""
-    grid = Grid.box(
-        (0, 0),
-        (width, height),
-        (round(width / cell), round(height / cell)),
-        facets={"strip": lambda x: under_strip(x) & (np.abs(x[1] - height) < 1e-9)},
-    )
-
-    def surface(*sides, where=None):
-        return grid.facets("strip") if where else grid.facets(*sides)
-
-    return FiniteElements(grid, soil(softening), Newmark(dt), terms(boundary, load, surface, grid))
-
-
-def material_points(
-    boundary, load=load, softening=softening, cell=0.0625, mapping=DM_GC, **options
-):
+def material_points(scene):
     """Material points on a grid of ``meshes/``: with room for heave, and around sides and base
-    where they drift; ``options`` of ``Simulation``."""
-    kind = "fixed" if boundary == "fixed" else "absorbing"
-    grid = Grid.read(HOME / "meshes" / f"foundation_{kind}{CELLS[cell]}.vtu")
-    points = MaterialPoints.fill(
-        grid,
-        soil(softening),
-        per_cell=4,
-        inside=lambda x: (x[0] > 0) & (x[0] < width) & (x[1] > 0) & (x[1] < height),
-    )
-    return Simulation(
-        grid, points, Newmark(dt), terms(boundary, load, points.surface, grid), mapping, **options
-    )
+    where they drift."""
+    kind = "fixed" if scene.boundary == "fixed" else "absorbing"
+    grid = Grid.read(HOME / "meshes" / f"foundation_{kind}{CELLS[scene.cell]}.vtu")
+    return scene.material_points(grid=grid)
+
+
+METHODS = {"DM-GC": material_points, "FE": Foundation.finite_elements}
 
 
 def deviatoric(stress):
@@ -165,17 +95,17 @@ def plastic_map(run):
     return corner, size, run.yielding.history[:, 0], gauss.volume
 
 
-def measure(run, boundary, load=load, softening=softening, cell=0.0625, until=end, progress=None):
+def measure(run, scene, until=end, progress=None):
     """Run: a row of figures; curves of time, vertical stress at point 1, q at point 2; the plastic
     strain's map."""
     above, below = (run.record(Probe("stress", at)) for at in (point_1, point_2))
     surface, energy = run.record(Probe("displacement", (axis, height))), run.record(Energy())
     row = {
         "method": run.name,
-        "boundary": boundary,
-        "load_kpa": load / 1e3,
-        "softening_kpa": softening / 1e3,
-        "cell_m": cell,
+        "boundary": scene.boundary,
+        "load_kpa": scene.load / 1e3,
+        "softening_kpa": scene.softening / 1e3,
+        "cell_m": scene.cell,
         **dict.fromkeys(FIGURES),
     }
     began = time.perf_counter()
@@ -209,19 +139,11 @@ def departure(fixed, viscous, share=0.02):
 
 
 def scenes(settings, cell, twin):
-    """What is run: method, boundary, load, softening, and how to make it."""
-    methods = {"DM-GC": material_points, **({"FE": finite_elements} if twin else {})}
-    for load, softening in settings:
+    """What is run: method and scene."""
+    for setting in settings:
         for boundary in BOUNDARIES:
-            for method, make in methods.items():
-                chosen = boundary, load, softening, cell
-                yield (
-                    method,
-                    boundary,
-                    load,
-                    softening,
-                    lambda make=make, chosen=chosen: make(*chosen),
-                )
+            for method in METHODS if twin else ("DM-GC",):
+                yield method, Foundation(boundary, *setting, cell)
 
 
 def table(rows):
@@ -329,24 +251,23 @@ def main(arguments=None) -> list[dict]:
     with Progress(*columns, console=console) as progress:
         steps = round(end / dt)
         task = progress.add_task("", total=len(todo) * steps)
-        for number, (method, boundary, *setting, make) in enumerate(todo):
-            progress.update(task, description=f"{method}, {boundary}, {setting[0] / 1e3:g} kPa")
+        for number, (method, scene) in enumerate(todo):
+            boundary, setting = scene.boundary, (scene.load, scene.softening)
+            progress.update(task, description=f"{method}, {boundary}, {scene.load / 1e3:g} kPa")
 
             def advance(step, done=number * steps):
                 progress.update(task, completed=done + step)
 
-            row, curve, strain = measure(
-                make(), boundary, *setting, cell, until=end, progress=advance
-            )
+            row, curve, strain = measure(METHODS[method](scene), scene, end, advance)
             progress.update(task, completed=(number + 1) * steps)
             rows.append(row)
-            if tuple(setting) == settings[0]:
+            if setting == settings[0]:
                 curves[method, boundary] = curve
                 fixed = next(r for r in rows if r["method"] == method and r["boundary"] == "fixed")
                 if boundary == "viscous":
                     for name, share in DEPARTURES.items():
                         fixed[name] = departure(curves[method, "fixed"], curve, share)
-            if tuple(setting) == settings[-1]:
+            if setting == settings[-1]:
                 found[method, boundary] = strain
             (chosen.results / "foundation.json").write_text(json.dumps(rows, indent=1) + "\n")
     draw(curves, found, settings, cell, chosen.results)

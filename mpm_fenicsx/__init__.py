@@ -7,10 +7,24 @@ from .common.errors import RunError
 from .contact.contact import Contact
 from .dynamics.time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .grid.grid import Grid
-from .mapping.methods import CMPM, DM, DM_C, DM_G, DM_GC, DM_GCL, GIMP, MAPPINGS, MPM, Mapping
+from .mapping.methods import (
+    CMPM,
+    DM,
+    DM_C,
+    DM_G,
+    DM_GC,
+    DM_GCL,
+    GIMP,
+    MAPPINGS,
+    MPM,
+    AccelerationCorrection,
+    Mapping,
+)
 from .mapping.velocities import flip, trapezoidal
 from .materials import Hencky, LinearElastic, VonMises
+from .materials.material import Law, Material
 from .output.checkpoint import Checkpoint
+from .output.recorder import Recorder
 from .output.recorders import Energy, Probe
 from .output.vtk import Snapshots
 from .points.material_points import MaterialPoints
@@ -18,13 +32,15 @@ from .points.surface_points import SurfacePoints
 from .runs.finite_elements import FiniteElements
 from .runs.material_points import Simulation
 from .runs.options import PAPER, InitialAcceleration
-from .solver.acceleration_correction import AccelerationCorrection
 from .solver.newton import Newton
-from .terms.absorbing import Viscoelastic, Viscous
+from .solver.solver import Solver
+from .terms.absorbing import ViscoelasticBoundary, ViscousBoundary
 from .terms.body import Gravity
+from .terms.contribution import Contribution
 from .terms.ghost_penalty import GhostPenalty
 from .terms.loads import DeadLoad, Traction
 from .terms.supports import Fixed
+from .terms.term import Term
 
 __all__ = [
     "CMPM",
@@ -40,6 +56,7 @@ __all__ = [
     "AccelerationCorrection",
     "Checkpoint",
     "Contact",
+    "Contribution",
     "DeadLoad",
     "Energy",
     "FiniteElements",
@@ -50,21 +67,39 @@ __all__ = [
     "Grid",
     "Hencky",
     "InitialAcceleration",
+    "Law",
     "LinearElastic",
     "Mapping",
+    "Material",
     "MaterialPoints",
     "Newmark",
     "Newton",
     "Probe",
     "QuasiStatic",
+    "Recorder",
     "RunError",
     "Simulation",
     "Snapshots",
+    "Solver",
     "SurfacePoints",
+    "Term",
     "Traction",
-    "Viscoelastic",
-    "Viscous",
+    "ViscoelasticBoundary",
+    "ViscousBoundary",
     "VonMises",
     "flip",
     "trapezoidal",
 ]
+
+_BEFORE = {"Viscous": "ViscousBoundary", "Viscoelastic": "ViscoelasticBoundary"}
+
+
+def __getattr__(name: str):
+    """Names of releases before, with a ``DeprecationWarning``."""
+    if name not in _BEFORE:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    import warnings
+
+    now = _BEFORE[name]
+    warnings.warn(f"mpm_fenicsx.{name} is now {now}", DeprecationWarning, stacklevel=2)
+    return globals()[now]

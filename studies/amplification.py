@@ -21,15 +21,13 @@ What was found is in ``FOUND``, which goes into results/amplification.json.
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-from amplification_map import StepMap, bar, block, crossing, growth, h, soil, step_of
+import report
+from amplification_map import StepMap, crossing, growth
 from composite_across import TensorProduct
 from rich.console import Console
 from rich.progress import track
@@ -43,11 +41,12 @@ from mpm_fenicsx import (
     MPM,
     AccelerationCorrection,
     GeneralizedAlpha,
+    Mapping,
     Simulation,
 )
 from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
+from mpm_fenicsx.scenes.block import bar, block, h, soil, step_of
 
-RESULTS = Path(__file__).parents[1] / "results"
 MAPPINGS = (MPM, GIMP, DM_G, DM_GC, DM_GCL)
 COURANT = (0.1, 0.25, 0.5, 1.0, 2.0, 3.5, 5.0, 10.0, 50.0)
 OFFSETS = (0.0, 0.15, 0.3)  # of the seats at rest, in cells: 0 full cells, else cut ones
@@ -123,9 +122,12 @@ def _changed(run: Simulation, weight: Callable[[np.ndarray], np.ndarray]) -> Sim
     return run
 
 
-PAPERS = replace(DM_GC, mass=DOUBLE_MAPPED)
-UNCORRECTED = {"sweeps": 1, "correction": AccelerationCorrection.OFF}
-"""What the rows are of: corrections are compared in numerical_damping.py."""
+def uncorrected(mapping: Mapping, sweeps: int = 1) -> Mapping:
+    """The step that the rows are of: corrections are compared in numerical_damping.py."""
+    return replace(mapping, sweeps=sweeps, correction=AccelerationCorrection.OFF)
+
+
+PAPERS = uncorrected(replace(DM_GC, mass=DOUBLE_MAPPED))
 CHANGES = {
     "as it is": (DM_GC, lambda run: run),
     "the paper's": (PAPERS, across),
@@ -145,26 +147,24 @@ def cases(quick: bool) -> Iterator[tuple[dict, Callable[[], dict]]]:
     """What is run: a row's labels, and how to get the rest of it."""
     numbers = COURANT[::8] if quick else COURANT
 
-    def at_rest(labels, scene, mapping, courant, step=step_of, change=lambda run: run, **where):
-        row = (
-            {
-                "motion": "at rest",
-                "scene": scene,
-                "mapping": str(mapping),
-                "sweeps": 1,
-                "offset": 0.0,
-                "radius": 1.0,
-                "start": 0.0,
-                "strain": "as it is",
-                "courant": courant,
-            }
-            | where
-            | labels
-        )
-        return row, lambda: growth(
-            StepMap(change(SCENES[scene](mapping, step(courant), **(UNCORRECTED | where)))).matrix,
-            courant,
-        )
+    def at_rest(labels, scene, mapping, courant, step=step_of, change=None, offset=0.0, sweeps=1):
+        row = {
+            "motion": "at rest",
+            "scene": scene,
+            "mapping": str(mapping),
+            "sweeps": sweeps,
+            "offset": offset,
+            "radius": 1.0,
+            "start": 0.0,
+            "strain": "as it is",
+            "courant": courant,
+        }
+
+        def measure():
+            run = SCENES[scene](uncorrected(mapping, sweeps), step(courant), offset=offset)
+            return growth(StepMap(change(run) if change else run).matrix, courant)
+
+        return row | labels, measure
 
     for courant in numbers:
         for mapping in MAPPINGS:
@@ -218,9 +218,7 @@ def cases(quick: bool) -> Iterator[tuple[dict, Callable[[], dict]]]:
                 yield (
                     row,
                     lambda m=mapping, ρ=ρ, courant=courant: growth(
-                        crossing(
-                            m, alpha(ρ, 0.0)(courant), cells=4 if quick else 14, **UNCORRECTED
-                        ),
+                        crossing(uncorrected(m), alpha(ρ, 0.0)(courant), cells=4 if quick else 14),
                         courant,
                         10,
                     ),
@@ -275,9 +273,6 @@ COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00", "#000000")
 
 def figure(rows: list[dict], path: Path) -> None:
     """Growth a step over the Courant number: mappings above, what changes DM-GC's below."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     usual = {
         "motion": "at rest",
         "sweeps": 1,
@@ -301,7 +296,7 @@ def figure(rows: list[dict], path: Path) -> None:
                 label=label,
             )
 
-    fig, axes = plt.subplots(2, 4, figsize=(14, 7), sharex=True, sharey=True, layout="constrained")
+    fig, axes = report.subplots(2, 4, figsize=(14, 7), sharex=True, sharey=True)
     above = (
         ("at rest: bar, one end fixed", {"scene": "bar, one end fixed"}),
         ("at rest: bar, free", {"scene": "bar, free"}),
@@ -365,25 +360,19 @@ def figure(rows: list[dict], path: Path) -> None:
     fig.suptitle(
         "Growth of the fastest growing (or slowest decaying) mode in one step; shaded: it grows"
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
+    report.save(fig, path)
 
 
 def main(arguments=None) -> list[dict]:
     """Run all cases, print the table, write results/amplification.json and .png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
+    parser = report.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="the smallest cases only")
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(parser, arguments)
     rows = []
     for labels, measure in track(list(cases(chosen.quick)), "spectra"):
-        rows.append(labels | {key: float(f"{value:.4g}") for key, value in measure().items()})
+        rows.append(labels | report.rounded(measure(), 4))
     document = {"found": FOUND, "cell_m": h, "p_speed_m_s": soil.p_speed, "rows": rows}
-    (chosen.results / "amplification.json").write_text(
-        json.dumps(document, ensure_ascii=False) + "\n"
-    )
+    report.write(chosen.results / "amplification.json", document)
     figure(rows, chosen.results / "amplification.png")
     Console(width=150).print(table(rows))
     return rows

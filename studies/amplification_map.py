@@ -8,8 +8,6 @@ and all that it knows of them are the nodal values
 so that (f, v, a) before and after are one matrix T, whatever the mapping: what points hold beyond
 it never acts. Each column is a real ``Simulation.step`` of points that hold its nodal values; their
 places are put back.
-
-Scenes take the body's ``material`` and any option of ``Simulation``.
 """
 
 from __future__ import annotations
@@ -18,56 +16,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mpm_fenicsx import Fixed, Grid, LinearElastic, MaterialPoints, Newmark, Simulation, Viscous
+from mpm_fenicsx import Simulation
+from mpm_fenicsx.scenes.block import bar, h, soil, step_of  # noqa: F401  step_of with its map
 
-FACTOR = {"ksp_type": "preonly", "pc_type": "lu"}
-AS_THEY_ARE = {"solver": FACTOR, "hold_cut_cells": False}  # every node is on its own, as T has it
 # eigenvalues so near 1 (rigid motion) and -1 (velocities on rollers) are neutral, up to round-off
 NEUTRAL = 1e-6
-soil, h = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25
-
-
-def at_rest(body: MaterialPoints) -> MaterialPoints:
-    """The body with velocity and acceleration of its own, zero, so that no run takes a start for
-    it."""
-    body.velocity, body.acceleration = np.zeros_like(body.x), np.zeros_like(body.x)
-    return body
-
-
-def bar(
-    mapping, stepping, cells=12, fixed=False, viscous=False, offset=0.0, material=soil, **options
-) -> Simulation:
-    """A bar between rollers, its left end free, fixed or on dashpots, ``offset`` cells off the grid
-    lines."""
-    room = 0 if fixed else 2
-    grid = Grid.box((-room * h, 0), ((cells + 2) * h, h), (cells + 2 + room, 1))
-    body = at_rest(
-        MaterialPoints.fill(grid, material, 4, inside=lambda x: (x[0] > 0) & (x[0] < cells * h))
-    )
-    body.x[:, 0] += offset * h
-    terms = [Fixed(grid.facets("bottom", "top"), "y")]
-    terms += [Fixed(grid.facets("left"), "x")] if fixed else []
-    terms += [Viscous(body.surface("left"), material)] if viscous else []
-    return Simulation(grid, body, stepping, terms, mapping, **(AS_THEY_ARE | options))
-
-
-def block(
-    mapping, stepping, cells=(4, 3), viscous=False, offset=0.0, material=soil, **options
-) -> Simulation:
-    """A block, free all round or on dashpots, ``offset`` cells off the grid lines both ways."""
-    nx, ny = cells
-    grid = Grid.box((-2 * h, -2 * h), ((nx + 3) * h, (ny + 3) * h), (nx + 5, ny + 5))
-    body = at_rest(
-        MaterialPoints.fill(
-            grid,
-            material,
-            4,
-            inside=lambda x: ((x > 0) & (x.T < np.array(cells) * h).T).all(axis=0),
-        )
-    )
-    body.x += offset * h
-    terms = [Viscous(body.surface("bottom"), material)] if viscous else []
-    return Simulation(grid, body, stepping, terms, mapping, **(AS_THEY_ARE | options))
 
 
 class StepMap:
@@ -161,7 +114,6 @@ def crossing(
     cells=8,
     material=soil,
     change: Callable = lambda run: run,
-    **options,
 ) -> np.ndarray:
     """Product of the maps of so many steps of a free bar that moves ``speed`` cells each, as a
     whole number of cells in all, so that it begins anew: stress, velocity and acceleration along
@@ -170,13 +122,9 @@ def crossing(
     Stress zero before: then displacement has no part in it.  ``change``: what is done to the run
     before its steps.
     """
-    way = round(speed * steps)
-    grid = Grid.box((-3 * h, 0), ((cells + way + 4) * h, h), (cells + way + 7, 1))
-    body = at_rest(
-        MaterialPoints.fill(grid, material, 4, inside=lambda x: (x[0] > 0) & (x[0] < cells * h))
-    )
-    terms = [Fixed(grid.facets("bottom", "top"), "y")]
-    run = change(Simulation(grid, body, stepping, terms, mapping, **(AS_THEY_ARE | options)))
+    room = round(speed * steps) + 4
+    run = change(bar(mapping, stepping, cells, material=material, before=3, after=room))
+    (body,) = run.bodies
     start = {name: getattr(body, name).copy() for name in ("x", "half", "volume")}
     column = np.unique(body.x[:, 0].round(9), return_inverse=True)[1]
     first = np.unique(column, return_index=True)[1]
@@ -229,8 +177,3 @@ def growth(T: np.ndarray, courant: float, steps: int = 1) -> dict:
         if grow.any()
         else found
     )
-
-
-def step_of(courant: float, material=soil) -> Newmark:
-    """Newmark at a Courant number of the P wave."""
-    return Newmark(courant * h / material.p_speed)

@@ -17,11 +17,8 @@ Writes results/composite_across.json.
 
 from __future__ import annotations
 
-import argparse
-import json
-from pathlib import Path
-
 import numpy as np
+import report
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -37,10 +34,8 @@ from mpm_fenicsx import (
     RunError,
     Simulation,
 )
-from mpm_fenicsx.common.compiled import digits
 from mpm_fenicsx.mapping.composite_patches import Composite
 
-RESULTS = Path(__file__).parents[1] / "results"
 soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 
 
@@ -60,7 +55,8 @@ class TensorProduct(Composite):
             np.einsum("ndik,ndk->ndi", power, order * t[..., None] ** np.maximum(order - 1, 0))
             / h[..., None]
         )
-        table, around = digits(4, dim), nodal[np.maximum(lat.patch[cell], 0)]
+        table = np.indices([4] * dim).reshape(dim, -1).T[:, ::-1]
+        around = nodal[np.maximum(lat.patch[cell], 0)]
         weights = [
             np.prod([(slope if e == d else line)[:, e, table[:, e]] for e in range(dim)], axis=0)
             for d in range(dim)
@@ -144,11 +140,9 @@ def block(
 
 def main(arguments=None) -> list[dict]:
     """Run all, print the table, write results/composite_across.json."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = report.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="ten cells and a hundred steps")
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(parser, arguments)
     sizes, steps = ((10,), 100) if chosen.quick else ((10, 20), 1000)
     jobs = [(wave, (kind, n)) for kind in ("shear", "pressure") for n in sizes]
     jobs += [
@@ -164,11 +158,7 @@ def main(arguments=None) -> list[dict]:
     for pair in zip(rows[::2], rows[1::2], strict=True):
         for name in list(pair[0])[2:]:
             shown.add_row(pair[0]["scene"], name, *(f"{row[name]:.3g}" for row in pair))
-    finite = [
-        {k: v if not isinstance(v, float) or np.isfinite(v) else None for k, v in row.items()}
-        for row in rows
-    ]
-    (chosen.results / "composite_across.json").write_text(json.dumps(finite, indent=1) + "\n")
+    report.write(chosen.results / "composite_across.json", rows)
     Console(width=120).print(shown)
     return rows
 

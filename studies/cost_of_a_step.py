@@ -24,15 +24,16 @@ import subprocess
 import sys
 import tempfile
 import time
-from pathlib import Path
 
 import numpy as np
+import report
 from cost_pieces import Bill, middle, peak, resident, total
-from cost_scenes import CELLS, COURANT, MAPPINGS, METHODS, TWINS, counts, scene
+from cost_scenes import CELLS, MAPPINGS, METHODS, TWINS, scene
 from rich.console import Console
 from rich.progress import track
 
-HOME = Path(__file__).parents[1]
+from mpm_fenicsx.scenes.pressed_block import COURANT, counts
+
 BLOCK, WARM = 4, 2  # steps in a block; blocks before the clock counts
 PATIENCE = 60.0  # s of blocks, after which the ones there are must do
 KEYS = ("kind", "method", "dim", "cell_m", "caches")
@@ -141,7 +142,8 @@ def start(base: str, caches: str) -> dict:
     emptied = caches == "emptied"
     with tempfile.TemporaryDirectory() as folder:
         where = dict(
-            os.environ, PYTHONPATH=os.pathsep.join([str(HOME), os.environ.get("PYTHONPATH", "")])
+            os.environ,
+            PYTHONPATH=os.pathsep.join([str(report.HOME), os.environ.get("PYTHONPATH", "")]),
         )
         if emptied:
             where.update(XDG_CACHE_HOME=folder, NUMBA_CACHE_DIR=folder)
@@ -149,7 +151,7 @@ def start(base: str, caches: str) -> dict:
         found = [
             json.loads(
                 subprocess.run(
-                    [*command, str(time.time()), str(HOME / "demos"), base],
+                    [*command, str(time.time()), str(report.HOME / "demos"), base],
                     env=where,
                     check=True,
                     capture_output=True,
@@ -187,8 +189,6 @@ def cases(quick: bool) -> list[dict]:
 
 def measure(case: dict) -> dict:
     """The row of one case."""
-    from dolfinx import __version__ as version
-
     kind, method, dim, cell = (case[key] for key in KEYS[:4])
     found = {
         "bill": lambda: bill(method, dim, cell),
@@ -196,7 +196,7 @@ def measure(case: dict) -> dict:
         "empty": lambda: empty(method, dim, cell),
         "start": lambda: start(method, case["caches"]),
     }[kind]()
-    return {**case, **found, "courant": COURANT, "dolfinx": version}
+    return {**case, **found, "courant": COURANT, "dolfinx": report.dolfinx()}
 
 
 def in_its_own_process(case: dict) -> dict:
@@ -205,11 +205,9 @@ def in_its_own_process(case: dict) -> dict:
         [sys.executable, __file__, "--case", json.dumps(case)], capture_output=True, text=True
     )
     if done.returncode:
-        from dolfinx import __version__ as version
-
         return {
             **case,
-            "dolfinx": version,
+            "dolfinx": report.dolfinx(),
             "failed": (done.stderr.strip().splitlines() or ["no word"])[-1],
         }
     return json.loads(done.stdout.splitlines()[-1])
@@ -223,22 +221,18 @@ def same(row: dict, case: dict, version: str) -> bool:
 def main(arguments=None) -> list[dict]:
     """Measure what is not there yet, print the bill and what the issue asks for, draw the
     figure."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = report.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="smallest grids, under two minutes")
     parser.add_argument("--again", action="store_true", help="measure also what is there already")
-    parser.add_argument(
-        "--results", type=Path, default=HOME / "results", help="folder for the results"
-    )
     parser.add_argument("--case", type=json.loads, help=argparse.SUPPRESS)
-    chosen = parser.parse_args(arguments)
+    chosen = report.chosen(parser, arguments)
     if chosen.case:
         row = measure(chosen.case)
         print(json.dumps(row))
         return [row]
     import cost_report
-    from dolfinx import __version__ as version
 
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    version = report.dolfinx()
     path = chosen.results / "cost_of_a_step.json"
     rows = json.loads(path.read_text()) if path.exists() else []
     todo = cases(chosen.quick)
@@ -248,21 +242,12 @@ def main(arguments=None) -> list[dict]:
         if any(same(row, case, version) and "failed" not in row for row in rows):
             continue
         rows = [row for row in rows if not same(row, case, version)] + [in_its_own_process(case)]
-        path.write_text("[\n" + ",\n".join(json.dumps(rounded(row)) for row in rows) + "\n]\n")
+        report.write(path, report.rounded(rows, 4, KEYS))
     mine = [row for row in rows if row["dolfinx"] == version]
     cost_report.figure(mine, chosen.results / "cost_of_a_step.png")
     for table in cost_report.tables(mine):
         Console(width=140).print(table)
     return rows
-
-
-def rounded(value):
-    """Figures to four digits, but for what tells cases apart."""
-    if isinstance(value, dict):
-        return {key: v if key in KEYS else rounded(v) for key, v in value.items()}
-    if isinstance(value, list):
-        return [rounded(v) for v in value]
-    return float(f"{value:.4g}") if isinstance(value, float) else value
 
 
 if __name__ == "__main__":

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+import report
 from cost_pieces import PIECES, POINTS
 from cost_scenes import METHODS
 from rich.table import Table
@@ -196,10 +196,7 @@ def targets(rows: list[dict]) -> Iterator[tuple[str, float, float | None]]:
 
 def figure(rows: list[dict], path: Path) -> None:
     """The bill on one grid as bars; time against points."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    fig, (left, right) = plt.subplots(1, 2, figsize=(12, 5.4), layout="constrained")
+    fig, (left, right) = report.subplots(1, 2, figsize=(12, 5.4))
     sizes = {
         row["points"]
         for row in rows
@@ -261,5 +258,4 @@ def figure(rows: list[dict], path: Path) -> None:
         "One elastic dynamic step under a strip, one core; FE with CG + ICC and K reassembled, "
         "unless said"
     )
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
+    report.save(fig, path)

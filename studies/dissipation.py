@@ -1,7 +1,7 @@
 """What generalised α's dissipation does: the column's error and ringing, and disturbances that grow
 without it.
 
-- the paper's column (demos/column.py, fixed base) under its pulse, and under a small pressure that
+- the paper's column (scenes.column, fixed base) under its pulse, and under a small pressure that
   comes suddenly, which no grid follows without ringing: L2 errors, and how much more the pressure
   at mid-height goes up and down than the exact one (its total variation over the exact one's, less
   1);
@@ -14,41 +14,19 @@ without it.
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+import report
+from amplification import PAPERS, across
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    GIMP,
-    MPM,
-    Energy,
-    Fixed,
-    GeneralizedAlpha,
-    Grid,
-    MaterialPoints,
-    Probe,
-    RunError,
-    Simulation,
-    Traction,
-)
-from mpm_fenicsx.analytical import waves
-from mpm_fenicsx.analytical.column import Column
-
-RESULTS = Path(__file__).parents[1] / "results"
-sys.path.insert(0, str(RESULTS.parent / "demos"))
-import column  # noqa: E402  the demo next door
-from amplification import PAPERS, UNCORRECTED, across  # noqa: E402
-from amplification_map import block, h, soil, step_of  # noqa: E402
+from mpm_fenicsx import DM_G, DM_GC, GIMP, MPM, Energy, GeneralizedAlpha, RunError
+from mpm_fenicsx.scenes import column
+from mpm_fenicsx.scenes.block import block, h, soil, step_of, stressed_bar
 
 RADII = (1.0, 0.9, 0.8, 0.5)
 END = 1.0  # s: the sudden load's wave goes up and down the column six times
@@ -63,26 +41,15 @@ def measure_column(
     mapping, ρ: float, w: float, load: float, dt: float, pulse: Callable = column.pulse
 ) -> dict:
     """Errors and ringing on a fixed base; the curve of the sudden load."""
-    grid = Grid.box((0, 0), (1, column.height + 1), (4, round(4 * (column.height + 1))))
-    points = MaterialPoints.fill(grid, column.soil, 4, inside=lambda x: x[1] < column.height)
-    terms = [
-        Fixed(grid.facets("left", "right"), "x"),
-        Fixed(grid.facets("bottom"), "y"),
-        Traction(points.surface("top"), lambda t: (0.0, -float(pulse(t, load)))),
-    ]
-    run = Simulation(grid, points, GeneralizedAlpha(dt, ρ, w), terms, mapping)
-    middle, half = (
-        run.record(Probe(field, (0.5, column.height / 2))) for field in ("stress", "displacement")
+    run = column.material_points(
+        "fixed", load, mapping, history=pulse, stepping=GeneralizedAlpha(dt, ρ, w)
     )
+    watch = column.Watch(run, "fixed", load, pulse, END)
     run.until(END)
-    soil_ = column.soil
-    known = Column(column.height, soil_.p_speed, soil_.density, lambda t: pulse(t, load), END)
-    t = middle.times
-    p, u = (known.pressure(column.height / 2, t), known.displacement(column.height / 2, t))
-    found = -middle.values[:, 1]
+    errors, (found, p) = watch.errors(), watch.pairs()["pressure_mid"]
     row = {
-        "error_pressure": waves.relative_error(found, p),
-        "error_displacement": waves.relative_error(-half.values[:, 1], u),
+        "error_pressure": errors["error_pressure_mid"],
+        "error_displacement": errors["error_displacement_mid"],
         "ringing": np.abs(np.diff(found)).sum() / np.abs(np.diff(p)).sum() - 1,
         "largest": found.max() / p.max(),
     }
@@ -91,18 +58,9 @@ def measure_column(
 
 def measure_crossing(mapping, ρ: float, steps: int = 2000) -> dict:
     """Largest relative error of the uniform stress in the last 500 steps."""
-    dt, stress, cells = step_of(5.0).dt, 100e3, int(0.3 * steps) + 26
-    grid, length = Grid.box((-2 * h, 0), ((cells - 2) * h, h), (cells, 1)), 20 * h
-    body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x[0] > 0) & (x[0] < length))
-    body.stress[:, :3] = -stress * np.array([1.0, 1 / 3, 1 / 3])
-    wave = 0.01 * stress / (soil.density * soil.p_speed) * np.cos(3 * np.pi * body.x[:, 0] / length)
-    body.velocity = np.stack((0.3 * h / dt + wave, 0.0 * wave), axis=1)
-    terms = [Fixed(grid.facets("bottom", "top"), "y")]
-    terms += [
-        Traction(body.surface(side), (push, 0.0))
-        for side, push in (("left", stress), ("right", -stress))
-    ]
-    run, error = Simulation(grid, body, GeneralizedAlpha(dt, ρ), terms, mapping), []
+    stress, stepping = 100e3, GeneralizedAlpha(step_of(5.0).dt, ρ)
+    run = stressed_bar(mapping, stepping, stress, steps, disturbed=0.01)
+    (body,), error = run.bodies, []
     try:
         for _ in range(steps):
             run.step()
@@ -115,10 +73,8 @@ def measure_crossing(mapping, ρ: float, steps: int = 2000) -> dict:
 def measure_block(mapping, ρ: float, steps: int = 1000) -> dict:
     """Largest energy over that at the start, and that at the end, of a vibration along the longer
     side."""
-    run = block(
-        mapping, GeneralizedAlpha(step_of(0.5).dt, ρ), **(UNCORRECTED if mapping is PAPERS else {})
-    )
-    if mapping is PAPERS:
+    run = block(mapping, GeneralizedAlpha(step_of(0.5).dt, ρ))
+    if mapping == PAPERS:
         across(run)
     (body,) = run.bodies
     body.velocity[:, 0] = 1e-5 * soil.p_speed * np.cos(np.pi * body.x[:, 0] / (4 * h))
@@ -165,20 +121,13 @@ def cases() -> Iterator[tuple[dict, Callable[[], dict]]]:
 
 def figure(rows: list[dict], path: Path) -> None:
     """Pressure at mid-height under the sudden load, over time."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     colours = {1.0: "#000000", 0.9: "#56B4E9", 0.8: "#0072B2", 0.5: "#D55E00"}
-    fig, axes = plt.subplots(
-        2, 2, figsize=(11, 6.5), sharex=True, sharey=True, layout="constrained"
-    )
+    fig, axes = report.subplots(2, 2, figsize=(11, 6.5), sharex=True, sharey=True)
     for axis, (name, dt) in zip(
         axes.flat, [(n, k * column.dt) for n in ("MPM", "DM-GC") for k in (1, 4)], strict=True
     ):
         t = np.linspace(0.0, END, 4001)
-        known = Column(
-            column.height, column.soil.p_speed, column.soil.density, lambda t: sudden(t, 1.0), END
-        )
+        known = column.answer("fixed", 1.0, sudden, END)
         axis.plot(t, known.pressure(column.height / 2, t), color="0.75", lw=3.5, label="exact")
         for row in rows:
             if (row["mapping"], row.get("dt"), row["start"]) == (name, dt, 0.0) and row[
@@ -207,9 +156,7 @@ def figure(rows: list[dict], path: Path) -> None:
         "Column of 20 m on a fixed base, h = 0.25 m, under 0.3 kPa that comes at once: generalised "
         "α, w = 0"
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
+    report.save(fig, path)
 
 
 def table(rows: list[dict]) -> Table:
@@ -235,21 +182,14 @@ def table(rows: list[dict]) -> Table:
 
 def main(arguments=None) -> list[dict]:
     """Run all cases, print the table, write results/dissipation.json and .png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(report.parser(__doc__), arguments)
     rows = []
     for labels, measure in track(list(cases()), "runs"):
         found = measure()
         rows.append(
             labels | {k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in found.items()}
         )
-    written = [
-        {k: None if isinstance(v, float) and not np.isfinite(v) else v for k, v in row.items()}
-        for row in rows
-    ]
-    (chosen.results / "dissipation.json").write_text(json.dumps(written, ensure_ascii=False) + "\n")
+    report.write(chosen.results / "dissipation.json", rows)
     figure(rows, chosen.results / "dissipation.png")
     Console(width=150).print(table(rows))
     return rows

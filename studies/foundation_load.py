@@ -27,19 +27,20 @@ localises, the energy balance of DM-GC is off by 1 to 6 %, and that is more than
 
 from __future__ import annotations
 
-import argparse
 import json
 import sys
 from pathlib import Path
 
 import matplotlib
 import numpy as np
+import report
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from mpm_fenicsx.scenes import foundation
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
-import foundation
+from foundation import measure
 
 CELL = 0.125
 LOADS = (30e3, 35e3, 40e3)
@@ -84,11 +85,10 @@ def features(strain):
 
 def run(load, softening, boundary, progress=None):
     """One run: the demo's row with its features and its map."""
-    scene = foundation.material_points(boundary, load, softening, CELL)
-    start = scene.bodies[0].x.copy()
-    row, _, (_, _, strain) = foundation.measure(
-        scene, boundary, load, softening, CELL, progress=progress
-    )
+    scene = foundation.Foundation(boundary, load, softening, CELL)
+    found = scene.material_points()
+    start = found.bodies[0].x.copy()
+    row, _, (_, _, strain) = measure(found, scene, progress=progress)
     cells = by_cell(strain, start)
     return {**row, **features(1e-4 * cells), "map": cells.tolist()}
 
@@ -129,19 +129,16 @@ def table(rows):
 def figure(rows, path):
     """Maps: a row a load, pairs of columns a softening; plastic strain where the soil was at the
     start."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
     from matplotlib.colors import LogNorm
 
-    fig, axes = plt.subplots(
+    fig, axes = report.subplots(
         2 * len(LOADS),
         len(SOFTENINGS),
         figsize=(3 * len(SOFTENINGS), 4.4 * len(LOADS)),
         sharex=True,
         sharey=True,
-        layout="constrained",
     )
-    colours = plt.get_cmap("magma_r").with_extremes(under="0.86")
+    colours = matplotlib.colormaps["magma_r"].with_extremes(under="0.86")
     for row in rows:
         i = 2 * LOADS.index(1e3 * row["load_kpa"]) + BOUNDARIES.index(row["boundary"])
         ax = axes[i, SOFTENINGS.index(1e3 * row["softening_kpa"])]
@@ -167,19 +164,13 @@ def figure(rows, path):
         f"Plastic strain at t = {foundation.end:g} s, on the undeformed body (DM-GC, h = {CELL:g} "
         "m)"
     )
-    fig.savefig(path, dpi=110)
-    plt.close(fig)
+    report.save(fig, path, dpi=110)
 
 
 def main(arguments=None) -> list[dict]:
     """Run what is not in results/foundation_load.json yet; write it, and
     results/foundation_load.png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument(
-        "--results", type=Path, default=foundation.HOME / "results", help="folder for the results"
-    )
-    folder = parser.parse_args(arguments).results
-    folder.mkdir(parents=True, exist_ok=True)
+    folder = report.chosen(report.parser(__doc__), arguments).results
     path, console = folder / "foundation_load.json", Console()
     known = {
         (row["load_kpa"], row["softening_kpa"], row["boundary"]): row
@@ -192,13 +183,7 @@ def main(arguments=None) -> list[dict]:
         for boundary in BOUNDARIES
     ]
     rows, steps = [], round(foundation.end / foundation.dt)
-    columns = (
-        TextColumn("{task.description:32}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
-    with Progress(*columns, console=console) as progress:
+    with report.progress(console, 32) as progress:
         task = progress.add_task("", total=len(scenes) * steps)
         for number, (load, softening, boundary) in enumerate(scenes):
             progress.update(
@@ -213,9 +198,7 @@ def main(arguments=None) -> list[dict]:
             )
             rows.append(row)
             progress.update(task, completed=(number + 1) * steps)
-            part = path.with_suffix(".part")
-            part.write_text("[" + ",\n ".join(json.dumps(row) for row in rows) + "]\n")
-            part.replace(path)
+            report.write(path, rows)
     figure(rows, folder / "foundation_load.png")
     console.print(table(rows))
     return rows

@@ -9,7 +9,7 @@ cause back.
    instead of their own: dipoles that move with the points and do not cancel where domains differ or
    the body ends. ``linear`` mappings (DM-GCL) let each part pull with its own.
 
-On the bars of ``manufactured`` at Courant number 0.5, in 2D.  Writes
+On the bars of ``scenes.bar`` at Courant number 0.5, in 2D.  Writes
 results/manufactured_causes.json.
 
     python studies/manufactured_causes.py
@@ -17,21 +17,18 @@ results/manufactured_causes.json.
 
 from __future__ import annotations
 
-import argparse
-import json
 from dataclasses import replace
-from pathlib import Path
 
-import manufactured
 import numpy as np
+import report
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from mpm_fenicsx import DM_GC, GIMP, Mapping
 from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
+from mpm_fenicsx.scenes import bar as bars
 
-RESULTS = Path(__file__).parents[1] / "results"
 WAYS = {
     "as it is": {},
     "double-mapped mass": {"mass": DOUBLE_MAPPED},
@@ -42,16 +39,16 @@ WAYS = {
 
 def measure(scene: str, mapping: Mapping, way: str, cells: int) -> dict:
     """Errors of a bar with one of the ways."""
-    bar = manufactured.BARS[scene]
-    run = manufactured.points(
+    bar = bars.BARS[scene]
+    run = bars.material_points(
         bar,
         replace(mapping, **WAYS[way]),
-        manufactured.length / cells,
+        bars.length / cells,
         bar.period / (4 * cells),
         4,
         scene == "random",
     )
-    watch = manufactured.Watch(run, bar)
+    watch = bars.Watch(run, bar)
     for _ in range(4 * cells):
         run.step()
         watch()
@@ -60,13 +57,11 @@ def measure(scene: str, mapping: Mapping, way: str, cells: int) -> dict:
 
 def main(arguments=None) -> list[dict]:
     """Run all ways, print the table, write results/manufactured_causes.json."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = report.parser(__doc__)
     parser.add_argument(
         "--cells", type=int, nargs="+", default=(20, 40, 80), help="cells along the bar"
     )
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(parser, arguments)
     ways = [
         (scene, *way)
         for scene in ("moving", "random", "large")
@@ -95,7 +90,7 @@ def main(arguments=None) -> list[dict]:
                 for name in ("error_displacement", "error_velocity", "error_stress")
             ),
         )
-    (chosen.results / "manufactured_causes.json").write_text(json.dumps(rows, indent=1) + "\n")
+    report.write(chosen.results / "manufactured_causes.json", rows)
     Console(width=120).print(shown)
     return rows
 

@@ -18,38 +18,17 @@ results/nonlinear_step.json and .png.
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
-from pathlib import Path
 
-import matplotlib
 import numpy as np
+import report
 from rich.progress import track
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    GIMP,
-    MPM,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Probe,
-    RunError,
-    Simulation,
-    Traction,
-    VonMises,
-)
+from mpm_fenicsx import DM_G, DM_GC, GIMP, MPM, Newton, Probe, RunError, Simulation, Solver
 from mpm_fenicsx.response.small_strain_at_points import YieldingAtPoints
+from mpm_fenicsx.scenes.foundation import Foundation, axis, height
 
-RESULTS = Path(__file__).parents[1] / "results"
-soil = VonMises(LinearElastic(2e6, 0.41, 1000.0), peak=10e3, residual=3e3, softening=50e3)
-width, height, cell, load, end = 6.0, 4.0, 0.125, 40e3, 0.3
+end = 0.3  # s
 
 
 class ModifiedNewton(Simulation):
@@ -61,58 +40,45 @@ class ModifiedNewton(Simulation):
         return law
 
 
-def terms(surface, grid):
-    """Fixed box, a strip of 1 m on top."""
-
-    def pressure(t):
-        return 0.0, -load * max(0.0, np.sin(np.pi * t / 0.2)) * (t < 0.2)
-
-    return [
-        Fixed(grid.facets("left", "right"), "x"),
-        Fixed(grid.facets("bottom")),
-        Traction(surface, pressure),
-    ]
+def half_sine(t, load):
+    """Pressure (Pa) of one pulse."""
+    return load * max(0.0, np.sin(np.pi * t / 0.2)) * (t < 0.2)
 
 
-def elements(dt, newton):
+def strip(dt, cell=0.125, law=None):
+    """The fixed box under its pulse, with steps of dt (s)."""
+    return Foundation("fixed", 40e3, cell=cell, step=dt, history=half_sine, law=law)
+
+
+def elements(scene, newton):
     """The FE twin."""
-    grid = Grid.box(
-        (0, 0),
-        (width, height),
-        (round(width / cell), round(height / cell)),
-        facets={"strip": lambda x: (x[1] > height - 1e-9) & (abs(x[0] - width / 2) < 0.5 + 1e-9)},
-    )
-    return FiniteElements(grid, soil, Newmark(dt), terms(grid.facets("strip"), grid), newton=newton)
+    return scene.finite_elements(solver=Solver(newton=newton))
 
 
-def points(dt, newton, mapping, kind=Simulation):
+def points(scene, newton, mapping, kind=Simulation):
     """Material points, with room for heave."""
-    grid = Grid.box(
-        (0, 0), (width, height + 4 * cell), (round(width / cell), round(height / cell) + 4)
-    )
-    body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] < height)
-    strip = body.surface("top", where=lambda x: abs(x[0] - width / 2) < 0.5)
-    return kind(grid, body, Newmark(dt), terms(strip, grid), mapping, newton=newton)
+    grid = scene.grid(room=4 * scene.cell)
+    return scene.material_points(mapping, grid, kind=kind, solver=Solver(newton=newton))
 
 
 WAYS = {
-    "FE": lambda dt: elements(dt, Newton()),
-    "DM-GC, mapped response": lambda dt: points(dt, Newton(), DM_GC),
-    "DM-G, mapped response": lambda dt: points(dt, Newton(), DM_G),
-    "DM-GC, mapped, 1e-3": lambda dt: points(dt, Newton(tolerance=1e-3), DM_GC),
-    "DM-GC, one solve": lambda dt: points(dt, Newton(tolerance=None), DM_GC),
-    "DM-GC, modified Newton": lambda dt: points(
-        dt, Newton(iterations=40, cuts=0), DM_GC, ModifiedNewton
+    "FE": lambda scene: elements(scene, Newton()),
+    "DM-GC, mapped response": lambda scene: points(scene, Newton(), DM_GC),
+    "DM-G, mapped response": lambda scene: points(scene, Newton(), DM_G),
+    "DM-GC, mapped, 1e-3": lambda scene: points(scene, Newton(tolerance=1e-3), DM_GC),
+    "DM-GC, one solve": lambda scene: points(scene, Newton(tolerance=None), DM_GC),
+    "DM-GC, modified Newton": lambda scene: points(
+        scene, Newton(iterations=40, cuts=0), DM_GC, ModifiedNewton
     ),
-    "GIMP, point tangent": lambda dt: points(dt, Newton(iterations=40), GIMP),
-    "MPM, point tangent": lambda dt: points(dt, Newton(), MPM),
+    "GIMP, point tangent": lambda scene: points(scene, Newton(iterations=40), GIMP),
+    "MPM, point tangent": lambda scene: points(scene, Newton(), MPM),
 }
 
 
 def measure(name, dt):
     """One run: settlement curve at the steps of the largest dt, solves and seconds a step."""
-    run = WAYS[name](dt)
-    probe = run.record(Probe("displacement", (width / 2, height)))
+    run = WAYS[name](strip(dt))
+    probe = run.record(Probe("displacement", (axis, height)))
     began, reason = time.perf_counter(), None
     try:
         run.until(end)
@@ -132,10 +98,7 @@ def measure(name, dt):
 
 def figure(rows, path):
     """Difference from the FE twin at the smallest step, against seconds a run."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    fig, axis = plt.subplots(figsize=(7, 4.6), layout="constrained")
+    fig, axis = report.subplots(figsize=(7, 4.6))
     colours = [
         "#000000",
         "#0072B2",
@@ -161,16 +124,14 @@ def figure(rows, path):
     axis.grid(alpha=0.3, which="both")
     axis.legend(fontsize=8)
     fig.suptitle("Strip foundation yielding under 40 kPa: settlement over 0.3 s")
-    fig.savefig(path, dpi=150)
+    report.save(fig, path)
 
 
 def main(arguments=None) -> list[dict]:
     """Run all ways at all steps, print a table, write results."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = report.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="two time steps only")
-    parser.add_argument("--results", type=Path, default=RESULTS)
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(exist_ok=True)
+    chosen = report.chosen(parser, arguments)
     steps = (10e-3, 5e-3) if chosen.quick else (10e-3, 5e-3, 2.5e-3, 1.25e-3)
     rows = [measure(name, dt) for name, dt in track([(name, dt) for name in WAYS for dt in steps])]
     finest = {row["way"]: row for row in rows if row["dt"] == steps[-1] and not row["reason"]}
@@ -193,7 +154,7 @@ def main(arguments=None) -> list[dict]:
         )
     for row in rows:
         row["settlement"] = row["settlement"][-1]
-    (chosen.results / "nonlinear_step.json").write_text(json.dumps(rows, indent=1) + "\n")
+    report.write(chosen.results / "nonlinear_step.json", rows)
     figure(rows, chosen.results / "nonlinear_step.png")
     return rows
 

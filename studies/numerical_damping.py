@@ -26,17 +26,15 @@ is not measured again, but for the cost.  To try another step, add a line to ``V
 
 from __future__ import annotations
 
-import argparse
 import json
-import subprocess
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+import report
 from amplification import across
 from numerical_damping_cases import (
-    Wave,
     as_it_is,
     cost,
     damping,
@@ -58,31 +56,31 @@ from mpm_fenicsx import (
     MPM,
     PAPER,
     AccelerationCorrection,
+    Mapping,
     RunError,
 )
-from mpm_fenicsx.grid import dolfinx_versions
+from mpm_fenicsx.scenes.wave import Wave
 
-RESULTS = Path(__file__).parents[1] / "results"
 OFF, LUMPED = AccelerationCorrection.OFF, AccelerationCorrection.LUMPED
 EXACT, DEFAULT = "finite elements", "DM-GC"
-VARIANTS: dict[str, dict | None] = {  # keyword arguments of Simulation
+VARIANTS: dict[str, Mapping | None] = {
     EXACT: None,
-    "MPM": {"mapping": MPM},
-    "GIMP": {"mapping": GIMP},
-    "CMPM": {"mapping": CMPM},
-    "DM": {"mapping": DM},
-    "DM-G": {"mapping": DM_G},
-    "DM-C": {"mapping": DM_C},
-    DEFAULT: {"mapping": DM_GC},
-    "DM-GCL": {"mapping": DM_GCL},
-    "the paper's": dict(PAPER),
-    "DM-GC, uncorrected": {"sweeps": 1, "correction": OFF},
-    "DM-GC, lumped": {"sweeps": 1, "correction": LUMPED},
-    "DM-GC, 1 sweep": {"sweeps": 1},
-    "DM-GC, 2 sweeps": {"sweeps": 2},
-    "DM-GC, 3 sweeps": {"sweeps": 3},
-    "DM-G, uncorrected": {"mapping": DM_G, "sweeps": 1, "correction": OFF},
-    "DM-GC, b_bar": {"b_bar": True},
+    "MPM": MPM,
+    "GIMP": GIMP,
+    "CMPM": CMPM,
+    "DM": DM,
+    "DM-G": DM_G,
+    "DM-C": DM_C,
+    DEFAULT: DM_GC,
+    "DM-GCL": DM_GCL,
+    "the paper's": PAPER["mapping"],
+    "DM-GC, uncorrected": replace(DM_GC, sweeps=1, correction=OFF),
+    "DM-GC, lumped": replace(DM_GC, sweeps=1, correction=LUMPED),
+    "DM-GC, 1 sweep": replace(DM_GC, sweeps=1),
+    "DM-GC, 2 sweeps": replace(DM_GC, sweeps=2),
+    "DM-GC, 3 sweeps": replace(DM_GC, sweeps=3),
+    "DM-G, uncorrected": replace(DM_G, sweeps=1, correction=OFF),
+    "DM-GC, b_bar": replace(DM_GC, b_bar=True),
 }
 CHANGES = {
     "the paper's": across
@@ -109,7 +107,7 @@ NUMBERS = (
 
 def cases(name: str, quick: bool) -> Iterator[tuple[dict, object]]:
     """Labels of a variant's rows, but those of cost, and how to get the rest of them."""
-    options, change = VARIANTS[name], CHANGES.get(name, as_it_is)
+    mapping, change = VARIANTS[name], CHANGES.get(name, as_it_is)
     ratios = POISSON[:2] if quick else POISSON
     at = [(n, USUAL["courant"]) for n in CELLS] + [
         (USUAL["cells"], C) for C in COURANT if C != USUAL["courant"]
@@ -129,21 +127,21 @@ def cases(name: str, quick: bool) -> Iterator[tuple[dict, object]]:
                     }
                     yield (
                         {"measure": "damping", **labels},
-                        lambda w=wave: damping(w, options, change),
+                        lambda w=wave: damping(w, mapping, change),
                     )
                     if cells == USUAL["cells"] and courant in (0.5, 1.0) and not quick:
                         yield (
                             {"measure": "far", **labels},
-                            lambda w=wave: damping_far(w, options, change),
+                            lambda w=wave: damping_far(w, mapping, change),
                         )
-    if options is None:
+    if mapping is None:
         return
     for poisson in ratios[:1] if quick else ratios:
         for courant in CROSSING[2:3] if quick else CROSSING:
             yield (
                 {"measure": "crossing", "variant": name, "poisson": poisson, "courant": courant},
                 lambda ν=poisson, C=courant: growth_crossing(
-                    ν, C, options, change, cells=4 if quick else 8
+                    ν, C, mapping, change, cells=4 if quick else 8
                 ),
             )
         for courant in GROWING[1:2] if quick else GROWING:
@@ -160,7 +158,7 @@ def cases(name: str, quick: bool) -> Iterator[tuple[dict, object]]:
                     yield (
                         labels,
                         lambda s=scene, ν=poisson, C=courant, o=offset: growth_at_rest(
-                            s, ν, C, o, options, change
+                            s, ν, C, o, mapping, change
                         ),
                     )
 
@@ -176,19 +174,13 @@ class Book:
     def __init__(self, path: Path, again: list[str]):
         self.path = path
         known = json.loads(path.read_text())["rows"] if path.exists() else []
-        self.others = [row for row in known if row["dolfinx"] != dolfinx_versions.version]
+        self.others = [row for row in known if row["dolfinx"] != report.dolfinx()]
         self.rows = {
             labels_of(row): row
             for row in known
             if row not in self.others and row["variant"] not in again
         }
-        self.commit = subprocess.run(
-            ["git", "describe", "--always", "--dirty"],
-            cwd=Path(__file__).parent,
-            capture_output=True,
-            text=True,
-            check=False,
-        ).stdout.strip()
+        self.commit = report.commit("describe", "--always", "--dirty")
 
     def measure(self, labels: dict, how) -> None:
         """Write down a row, with what went wrong if it did."""
@@ -202,35 +194,16 @@ class Book:
         """Write down what was found, to four digits."""
         row = {
             **labels,
-            **rounded(found),
-            "dolfinx": dolfinx_versions.version,
+            **report.rounded(found, 4),
+            "dolfinx": report.dolfinx(),
             "commit": self.commit,
         }
         self.rows[labels_of(row)] = row
 
     def write(self) -> None:
         """Write the file anew, or leave it as it was."""
-        rows = ",\n".join(
-            json.dumps(row, ensure_ascii=False) for row in [*self.rows.values(), *self.others]
-        )
-        part = self.path.with_suffix(".part")
-        part.write_text(
-            '{"damping": "%", "growth": "largest |λ| - 1 a step", "rows": [\n' + rows + "\n]}\n"
-        )
-        part.replace(self.path)
-
-
-def rounded(value):
-    """Four digits; what is not a number has none."""
-    if isinstance(value, dict):
-        return {key: rounded(item) for key, item in value.items()}
-    if isinstance(value, list):
-        return [rounded(item) for item in value]
-    return (
-        (float(f"{value:.4g}") if np.isfinite(value) else None)
-        if isinstance(value, float)
-        else value
-    )
+        units = {"damping": "%", "growth": "largest |λ| - 1 a step"}
+        report.write(self.path, units | {"rows": [*self.rows.values(), *self.others]})
 
 
 # -- what is shown ---------------------------------------------------------------------------------
@@ -350,13 +323,10 @@ MARKS = "sD^vP*X<>"  # as many as are coprime to the colours
 def figure(rows: list[dict], path: Path) -> None:
     """Worst damping over cells a wavelength (mappings, variants) and Courant number, and against
     growth."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     names = [
         name for name in VARIANTS if name != EXACT and any(row["variant"] == name for row in rows)
     ]
-    plain = [name for name in names if set(VARIANTS[name]) == {"mapping"} and name not in CHANGES]
+    plain = [name for name in names if name == VARIANTS[name].name]
     others = [name for name in names if name not in plain]
     changed = [DEFAULT, *others]
     style = {
@@ -368,7 +338,7 @@ def figure(rows: list[dict], path: Path) -> None:
         for n, name in enumerate(others)
     }
     style[DEFAULT] = dict(color="#000000", marker="o", ls="-", lw=2.2)
-    fig, axes = plt.subplots(2, 2, figsize=(13, 10), layout="constrained")
+    fig, axes = report.subplots(2, 2, figsize=(13, 10))
 
     def curves(axis, chosen, label, **usual):
         number = "courant" if "cells" in usual else "cells"
@@ -431,24 +401,20 @@ def figure(rows: list[dict], path: Path) -> None:
     )
     axis.grid(alpha=0.3)
     fig.suptitle("Equivalent damping ratio ζ of standing waves that nothing damps: exact 0")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
+    report.save(fig, path)
 
 
 def main(arguments=None) -> list[dict]:
     """Measure what is not there yet, write results/numerical_damping.json and .png, print the
     tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = report.parser(__doc__)
     parser.add_argument(
         "--quick", action="store_true", help="four variants, few waves, a small grid for the cost"
     )
     parser.add_argument(
         "--again", nargs="*", metavar="VARIANT", help="measure these anew; without a name all"
     )
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(parser, arguments)
     again = [] if chosen.again is None else chosen.again or list(VARIANTS)
     book = Book(chosen.results / "numerical_damping.json", again)
     names = [name for name in VARIANTS if name in QUICK or not chosen.quick]
@@ -478,7 +444,7 @@ def main(arguments=None) -> list[dict]:
     for part in tables(rows):
         print(part, end="\n\n")
     commits = sorted({row["commit"] for row in rows})
-    Console().print(f"DOLFINx {dolfinx_versions.version}; commits {', '.join(commits)}")
+    Console().print(f"DOLFINx {report.dolfinx()}; commits {', '.join(commits)}")
     return rows
 
 

@@ -1,4 +1,4 @@
-"""The strip of demos/foundation.py overloaded: 60 kPa and held.  What breaks down there, and why?
+"""The strip of ``scenes.foundation`` overloaded: 60 kPa and held.  What breaks down there, and why?
 
 The soil bears (2 + π) c = 51 kPa at its peak, and however deep the strip sinks no more than about
 (2 + 2π) c = 25 kPa once it has softened: there is no equilibrium.  A right run goes on sinking and
@@ -27,34 +27,11 @@ Found (cells of 0.25, 0.125 and 0.0625 m; small strain, and with 0.25 m finite s
 
 from __future__ import annotations
 
-import argparse
-import json
-import sys
-from pathlib import Path
-
-import matplotlib
 import numpy as np
+import report
 
-sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
-import foundation
-
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    GIMP,
-    MPM,
-    DeadLoad,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Grid,
-    MaterialPoints,
-    Newmark,
-    Probe,
-    RunError,
-    Simulation,
-    Traction,
-)
+from mpm_fenicsx import DM_G, DM_GC, GIMP, MPM, DeadLoad, Energy, Probe, RunError, Traction
+from mpm_fenicsx.scenes import foundation
 
 ROOM = 1.5  # m above the body, for heave
 START, RISE = 0.225, 0.1  # s: the load grows as a quarter of a sine, then is held
@@ -82,43 +59,25 @@ def held(t, pressure=PRESSURE):
 
 
 def scene(mapping, load=DeadLoad, pressure=PRESSURE, cell=CELL, law=None, dt=foundation.dt):
-    """The run, and the loaded surface; finite elements where ``mapping`` is None."""
-    width, height, law = foundation.width, foundation.height, law or foundation.soil()
-
-    def terms(strip, grid):
-        return [
-            load(strip, lambda t: (0.0, -float(held(t, pressure)))),
-            Fixed(grid.facets("left", "right"), "x"),
-            Fixed(grid.facets("bottom")),
-        ]
-
-    if mapping is None:
-        grid = Grid.box(
-            (0, 0),
-            (width, height),
-            (round(width / cell), round(height / cell)),
-            facets={"strip": lambda x: foundation.under_strip(x) & (np.abs(x[1] - height) < 1e-9)},
-        )
-        strip = grid.facets("strip")
-        return FiniteElements(grid, law, Newmark(dt), terms(strip, grid)), strip
-    grid = Grid.box(
-        (0, 0), (width, height + ROOM), (round(width / cell), round((height + ROOM) / cell))
+    """The run; finite elements where ``mapping`` is None."""
+    held_strip = foundation.Foundation(
+        "fixed", pressure, cell=cell, step=dt, history=held, loading=load, law=law
     )
-    points = MaterialPoints.fill(grid, law, 4, inside=lambda x: x[1] < height)
-    strip = points.surface("top", where=foundation.under_strip)
-    return Simulation(grid, points, Newmark(dt), terms(strip, grid), mapping), strip
+    if mapping is None:
+        return held_strip.finite_elements()
+    return held_strip.material_points(mapping, held_strip.grid(ROOM))
 
 
 def measure(mapping, load=DeadLoad, until=END, **options) -> dict:
     """A row: histories of settlement (m), work and energy not found (J), loaded area (m²), and why
     it stopped."""
-    run, strip = scene(mapping, load, **options)
+    run = scene(mapping, load, **options)
     energy = run.record(Energy())
     at = run.record(Probe("displacement", (foundation.axis, foundation.height)))
     area, reason = [1.0], None
 
     def stretched(_):
-        area.append(float(strip.area.sum()) if mapping else 1.0)
+        area.append(float(run.scene.patches[0].points.area.sum()) if mapping else 1.0)
 
     try:
         run.until(until, stretched)
@@ -143,10 +102,7 @@ def measure(mapping, load=DeadLoad, until=END, **options) -> dict:
 
 def figure(rows, cell, path):
     """Settlement, energy not found, loaded area over time."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    fig, axes = plt.subplots(1, 3, figsize=(13, 4.2), layout="constrained")
+    fig, axes = report.subplots(1, 3, figsize=(13, 4.2))
     for row in rows:
         t, work = np.array(row["t"]), np.maximum(row["work_j"], 1e-9)
         style = {
@@ -178,20 +134,15 @@ def figure(rows, cell, path):
         f"60 kPa held from {START + RISE:g} s on, small strain; ×: stopped (h = {cell:g} m, Δt = 5 "
         "ms)"
     )
-    fig.savefig(path, dpi=110)
-    plt.close(fig)
+    report.save(fig, path, dpi=110)
 
 
 def main(arguments=None) -> list[dict]:
     """Run the cases; write overload.json and overload.png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = report.parser(__doc__)
     parser.add_argument("--cell", type=float, default=CELL, help="cell size (m)")
     parser.add_argument("--until", type=float, default=END, help="end (s)")
-    parser.add_argument(
-        "--results", type=Path, default=foundation.HOME / "results", help="folder for the results"
-    )
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(parser, arguments)
     rows = []
     for mapping, load in CASES:
         row = measure(mapping, load, chosen.until, cell=chosen.cell)
@@ -204,8 +155,7 @@ def main(arguments=None) -> list[dict]:
             f"{row['stopped'] or 'runs'}"[:240],
             flush=True,
         )
-    lines = ",\n ".join(json.dumps(row) for row in rows)
-    (chosen.results / "overload.json").write_text(f"[{lines}]\n")
+    report.write(chosen.results / "overload.json", rows)
     figure(rows, chosen.cell, chosen.results / "overload.png")
     return rows
 

@@ -17,7 +17,6 @@ Without it ours run alone.  Writes results/peers.json.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import subprocess
@@ -28,19 +27,16 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import cost_scenes
 import numpy as np
+import report
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
 from mpm_fenicsx import DM_GC, MPM, FiniteElements, Probe, Simulation
 from mpm_fenicsx.analytical import waves
-from mpm_fenicsx.grid import dolfinx_versions
-
-HOME = Path(__file__).parents[1]
-sys.path.insert(0, str(HOME / "demos"))
-import column  # noqa: E402
-import cost_scenes  # noqa: E402
+from mpm_fenicsx.scenes import column, pressed_block
 
 SCRIPT = Path(__file__).with_name("peers_kratos.py")
 INSTALL = "pip install KratosMultiphysics KratosMPMApplication"
@@ -202,7 +198,7 @@ def rows_of(
                 "over_dm_gc": float(np.median(s / seconds["DM-GC"][skip:])),
                 "error_pressure": waves.relative_error(run.pressure, known),
                 "solves_a_step": max(1.0, run.iterations / len(known)) if peer else 1.0,
-                "version": run.version if peer else dolfinx_versions.version,
+                "version": run.version if peer else report.dolfinx(),
             }
         )
         if peer:
@@ -247,9 +243,9 @@ def of_block(python: str | None, cell: float = 0.0625, steps: int = 40) -> list[
     scene, weights = told(
         ours.run,
         {"left": "x", "right": "x", "bottom": "xy"},
-        ours.run.bodies[0].surface("top", where=cost_scenes.under_strip),
+        ours.run.bodies[0].surface("top", where=pressed_block.under_strip),
         ours.probe,
-        26e3 * np.sin(np.pi * t / 0.2) * (t < 0.2),
+        pressed_block.pulse(t),
     )
     runs = with_peers(runs, python, scene, weights)
     seconds = turns(runs, steps, 4, "block")
@@ -293,15 +289,11 @@ def table(rows: list[dict]) -> Table:
 
 def main(arguments=None) -> list[dict]:
     """Run all cases, print the table, write results/peers.json."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = report.parser(__doc__)
     parser.add_argument(
         "--kratos-python", default=sys.executable, metavar="PATH", help="a Python that has Kratos"
     )
-    parser.add_argument(
-        "--results", type=Path, default=HOME / "results", help="folder for the results"
-    )
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(parser, arguments)
     python = chosen.kratos_python if has_kratos(chosen.kratos_python) else None
     if python is None:
         print(
@@ -309,8 +301,7 @@ def main(arguments=None) -> list[dict]:
             f"{INSTALL}"
         )
     rows = [*of_column(python, column.peak), *of_column(python, column.small), *of_block(python)]
-    path = chosen.results / "peers.json"
-    path.write_text("[\n" + ",\n".join(json.dumps(row) for row in rows) + "\n]\n")
+    report.write(chosen.results / "peers.json", rows)
     Console(width=120).print(table(rows))
     return rows
 

@@ -1,97 +1,32 @@
 """Prandtl's strip: does the load on weightless cohesive soil level off at (2 + π) c, whatever
 Poisson's ratio?
 
-A smooth rigid strip is pressed by a given displacement into von Mises soil without softening: in
-plane strain it flows at a shear stress of q/√3 = c, and the strip carries (2 + π) c.  One symmetric
-half; rollers at the sides, base fixed.  The soil is stiff on purpose (E = 10⁵ c): the strip
-collapses within 0.8 mm of settlement on 1 m of half-width, so that the exact answer, which knows no
-change of geometry, holds for points that move.
-
-The load is read off the stresses by virtual work: w = y/H is zero at the base and 1 at the top,
-where only the strip pushes, so that it carries ∫ σ_yy dV / H.  Every case runs with ``b_bar`` and
-without.  Writes results/prandtl.json and .png.
+The strip of ``mpm_fenicsx.scenes.strip``, whose load is exact, runs with ``b_bar`` and without.
+Writes results/prandtl.json and .png.
 
     python studies/prandtl.py
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+import report
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    GIMP,
-    MPM,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    VonMises,
-)
+from mpm_fenicsx import DM_G, DM_GC, GIMP, MPM, RunError
+from mpm_fenicsx.scenes.strip import EXACT, Strip
 
-RESULTS = Path(__file__).parents[1] / "results"
-EXACT = 2.0 + np.pi
 TOP = 10.0  # of the figure, in c
 POISSON = (0.3, 0.49, 0.499)
 METHODS = ("FE", DM_G, DM_GC)
-cohesion, young = 10e3, 1e9  # Pa
-strip, width, depth = 1.0, 5.0, 3.0  # m: half the strip, half the body
-settlement, steps, cell, growth = (
-    0.8e-3,
-    30,
-    0.05,
-    1.15,
-)  # m, -, m beside the strip's edge, - from cell to cell
-
-
-def away(length: float, first: float) -> np.ndarray:
-    """Grid lines from 0 to ``length``, cells growing from about ``first``."""
-    count = int(np.ceil(np.log1p(length * (growth - 1.0) / first) / np.log(growth)))
-    lines = np.append(0.0, np.cumsum(growth ** np.arange(count)))
-    return length * lines / lines[-1]
-
-
-def soil(poisson: float) -> VonMises:
-    """Soil of constant cohesion."""
-    return VonMises(
-        LinearElastic(young, poisson, 2000.0), peak=cohesion, residual=cohesion, softening=0.0
-    )
-
-
-def scene(method, poisson: float, b_bar: bool, h: float = cell):
-    """The run, and a function that reads the load on the strip (Pa, mean)."""
-    x = np.append(strip - away(strip, h)[::-1], strip + away(width - strip, h)[1:])
-    y = depth - away(depth, h)[::-1]
-    grid = Grid.rectilinear(
-        [x, y], {"strip": lambda p: (p[1] > depth - 1e-9) & (p[0] < strip + 1e-9)}
-    )
-    terms = [
-        Fixed(grid.facets("left", "right"), "x"),
-        Fixed(grid.facets("bottom")),
-        Fixed(grid.facets("strip"), "y", lambda t: -settlement * t**2),
-    ]
-    if method == "FE":
-        run = FiniteElements(grid, soil(poisson), QuasiStatic(steps), terms, b_bar=b_bar)
-        cells = np.arange(grid.cells)
-        return run, lambda: -(grid.lattice.volume @ run.stress(cells)[:, 1]) / (depth * strip)
-    points = MaterialPoints.fill(grid, soil(poisson), per_cell=4)
-    run = Simulation(grid, points, QuasiStatic(steps), terms, method, b_bar=b_bar)
-    return run, lambda: -(points.volume @ points.stress[:, 1]) / (depth * strip)
+cell, young, settlement, steps = Strip.cell, Strip.young, Strip.settlement, Strip.steps
 
 
 def measure(method, poisson: float, b_bar: bool, h: float = cell) -> dict:
@@ -100,12 +35,17 @@ def measure(method, poisson: float, b_bar: bool, h: float = cell) -> dict:
 
     A run that Newton cannot finish says so by "stopped" and keeps what it has.
     """
-    run, load = scene(method, poisson, b_bar, h)
+    strip = Strip(poisson, h, young=young, settlement=settlement, steps=steps)
+    run = (
+        strip.finite_elements(b_bar=b_bar)
+        if method == "FE"
+        else strip.material_points(replace(method, b_bar=b_bar))
+    )
     start, curve, stopped = time.perf_counter(), [0.0], None
     try:
         while run.steps < steps:
             run.step()
-            curve.append(load() / cohesion)
+            curve.append(strip.load(run) / strip.cohesion)
     except RunError as error:
         stopped = str(error)
     settled = 1e3 * settlement * np.linspace(0.0, 1.0, steps + 1)[: len(curve)] ** 2
@@ -168,17 +108,12 @@ def table(rows: list[dict]) -> Table:
 
 def figure(rows: list[dict], path: Path) -> None:
     """Load against settlement, one panel a Poisson's ratio."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     styles = {
         "FE": ("#0072b2", 4.0, (0, (6, 2))),
         "DM-G": ("#e69f00", 2.4, (0, (3, 2))),
         "DM-GC": ("#000000", 0.9, (0, (1, 1.2))),
     }  # colour, width where all agree, dashes where they do not
-    fig, axes = plt.subplots(
-        1, len(POISSON), figsize=(11, 4.0), sharex=True, sharey=True, layout="constrained"
-    )
+    fig, axes = report.subplots(1, len(POISSON), figsize=(11, 4.0), sharex=True, sharey=True)
     for axis, ν in zip(axes, POISSON, strict=True):
         beyond = []
         for row in rows:
@@ -216,20 +151,15 @@ def figure(rows: list[dict], path: Path) -> None:
     axes[0].set_ylabel("mean pressure on the strip / cohesion (-)")
     axes[0].legend(fontsize=9, loc="lower right")
     fig.suptitle(
-        f"Strip of {2 * strip:g} m on weightless cohesive soil, E = 10⁵ c, cells from {cell:g} m "
-        "at its edge"
+        f"Strip of {2 * Strip.half:g} m on weightless cohesive soil, E = 10⁵ c, cells from "
+        f"{cell:g} m at its edge"
     )
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
+    report.save(fig, path)
 
 
 def main(arguments=None) -> list[dict]:
     """Run all cases, print the table, write results/prandtl.json and .png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(report.parser(__doc__), arguments)
     rows = [case() for case in track(cases(), "strips")]
     rounded = [
         {
@@ -238,7 +168,7 @@ def main(arguments=None) -> list[dict]:
         }
         for row in rows
     ]
-    (chosen.results / "prandtl.json").write_text(json.dumps(rounded) + "\n")
+    report.write(chosen.results / "prandtl.json", rounded)
     figure(rows, chosen.results / "prandtl.png")
     Console(width=120).print(table(rows))
     return rows

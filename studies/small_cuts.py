@@ -8,9 +8,9 @@
     statics       a block in tension, σ, under a traction of 1.01 σ: error of its stress and of how
                   far its edge moves, relative to what the 1 % does; exact but for the strain of the
                   sliver, which is worth cut/4
-    accuracy      manufactured bar that drifts (``manufactured.py``), the column at 0.3 kPa
-                  (``demos/column.py``)
-    foundation    ``demos/foundation.py``, 26 kPa, absorbing sides, cells of 0.125 m: rescues of the
+    accuracy      manufactured bar that drifts (``scenes.bar``), the column at 0.3 kPa
+                  (``scenes.column``)
+    foundation    ``scenes.foundation``, 26 kPa, absorbing sides, cells of 0.125 m: rescues of the
                   linear solver, iterations and ms a step, and how far the grid's nodes go in a step
 
 Writes results/small_cuts.json and .png.
@@ -21,12 +21,10 @@ Writes results/small_cuts.json and .png.
 
 from __future__ import annotations
 
-import argparse
-import json
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+import report
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -34,7 +32,6 @@ from small_cuts_cases import bar, drift, pulse, released, statics
 
 from mpm_fenicsx import DM_GC, GIMP, MPM, GhostPenalty
 
-RESULTS = Path(__file__).parents[1] / "results"
 MAPPINGS, CURES = (MPM, GIMP, DM_GC), {"none": [], "ghost penalty": [GhostPenalty()]}
 CUTS, COURANT = 10.0 ** -np.arange(1.0, 8.5), (0.05, 0.5, 5.0)
 
@@ -102,9 +99,6 @@ def cases(steps: int, quick: bool = False):
 
 def figure(rows: list[dict], path: Path) -> None:
     """Condition, acceleration and error in statics against the cut."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     styles = {
         ("GIMP", "none"): ("#d55e00", "-", "o"),
         ("GIMP", "ghost penalty"): ("#e69f00", "--", "s"),
@@ -113,7 +107,7 @@ def figure(rows: list[dict], path: Path) -> None:
     }
     released_ = [row for row in rows if row["kind"] == "released" and row["shape"] == "block"]
     courant = min(row["courant"] for row in released_)
-    fig, axes = plt.subplots(1, 3, figsize=(12, 4.0), layout="constrained")
+    fig, axes = report.subplots(1, 3, figsize=(12, 4.0))
     for (mapping, cure), (color, line, mark) in styles.items():
 
         def curve(found, name, mapping=mapping, cure=cure):
@@ -146,9 +140,7 @@ def figure(rows: list[dict], path: Path) -> None:
         axis.invert_xaxis()
     axes[2].legend(fontsize=8)
     fig.suptitle(f"A corner a little over grid lines, 2D; in dynamics Courant {courant:g}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
+    report.save(fig, path)
 
 
 def tables(rows: list[dict]) -> list[Table]:
@@ -216,21 +208,15 @@ def tables(rows: list[dict]) -> list[Table]:
 
 def main(arguments=None) -> list[dict]:
     """Run all cases, print tables, write results/small_cuts.json and .png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
+    parser = report.parser(__doc__)
     parser.add_argument("--steps", type=int, default=2000, help="of the foundation")
     parser.add_argument("--quick", action="store_true", help="few cuts in 2D, no bar, no column")
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(parser, arguments)
     rows = [
         {"kind": kind, **settings, **measure()}
         for kind, settings, measure in track(list(cases(chosen.steps, chosen.quick)), "cuts")
     ]
-    lines = ",\n".join(
-        json.dumps({k: float(f"{v:.5g}") if isinstance(v, float) else v for k, v in row.items()})
-        for row in rows
-    )
-    (chosen.results / "small_cuts.json").write_text(f"[\n{lines}\n]\n")
+    report.write(chosen.results / "small_cuts.json", report.rounded(rows, 5))
     figure(rows, chosen.results / "small_cuts.png")
     for shown in tables(rows):
         Console(width=120).print(shown)

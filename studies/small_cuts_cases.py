@@ -3,17 +3,18 @@ m, s, kg, Pa."""
 
 from __future__ import annotations
 
-import sys
 import time
-from pathlib import Path
+from dataclasses import replace
 
 import numpy as np
 from scipy.sparse import csr_matrix
 
 from mpm_fenicsx import (
+    DM_GC,
     Fixed,
     Grid,
     LinearElastic,
+    Mapping,
     MaterialPoints,
     Newmark,
     QuasiStatic,
@@ -21,15 +22,17 @@ from mpm_fenicsx import (
     Simulation,
     Traction,
 )
-
-HOME = Path(__file__).parents[1]
-sys.path += [str(HOME / "demos"), str(HOME / "studies")]
-import column  # noqa: E402
-import foundation  # noqa: E402
-import manufactured  # noqa: E402
+from mpm_fenicsx.scenes import bar as bars
+from mpm_fenicsx.scenes import column
+from mpm_fenicsx.scenes.foundation import Foundation
 
 soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 h, n, σ, miss = 0.25, 3, 100e3, 0.01  # m, cells of a block's edge, Pa, -
+
+
+def alone(mapping: Mapping) -> Mapping:
+    """The mapping without ties, which are a cure of their own."""
+    return replace(mapping, hold_cut_cells=False)
 
 
 # -- one step of a free body -----------------------------------------------------------------------
@@ -68,9 +71,7 @@ def released(
     """Condition, and largest acceleration of the grid in σ/(ρ h), where a stress is set free."""
     grid, points = body_of(shape, dim, cut, np.random.default_rng(seed))
     points.stress[:, :dim] = σ
-    run = Simulation(
-        grid, points, Newmark(courant * h / soil.p_speed), cure, mapping, hold_cut_cells=False
-    )
+    run = Simulation(grid, points, Newmark(courant * h / soil.p_speed), cure, alone(mapping))
     run.prepare(0.0, run.stepping.dt)
     run.predict()
     run.solve()
@@ -102,7 +103,7 @@ def statics(cut: float, mapping, cure: list, cells: int = 4) -> float:
     before = [on.x.copy() for on in sides]
     terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
     terms += [Traction(on, tuple((1 + miss) * σ * on.normal[0])) for on in sides]
-    Simulation(grid, points, QuasiStatic(1), terms + cure, mapping, hold_cut_cells=False).until(1.0)
+    Simulation(grid, points, QuasiStatic(1), terms + cure, alone(mapping)).until(1.0)
     moved = miss * σ / (2 * sum(soil.lame)) * cells * h
     far = max(np.abs(on.x - x).max() for on, x in zip(sides, before, strict=True))
     return float(
@@ -112,21 +113,10 @@ def statics(cut: float, mapping, cure: list, cells: int = 4) -> float:
 
 def bar(name: str, mapping, cure: list, cells: int = 20) -> dict:
     """Errors of the manufactured bar over one period."""
-    chosen, plain = manufactured.BARS[name], manufactured.terms
-    manufactured.terms = lambda *scene: plain(*scene) + cure
-    try:
-        run = manufactured.points(
-            chosen,
-            mapping,
-            1 / cells,
-            chosen.period / (4 * cells),
-            4,
-            name == "random",
-            hold_cut_cells=False,
-        )
-    finally:
-        manufactured.terms = plain
-    watch = manufactured.Watch(run, chosen)
+    chosen = bars.BARS[name]
+    cell, dt = 1 / cells, chosen.period / (4 * cells)
+    run = bars.material_points(chosen, alone(mapping), cell, dt, 4, name == "random", more=cure)
+    watch = bars.Watch(run, chosen)
     while run.steps < 4 * cells:
         run.step()
         watch()
@@ -135,24 +125,15 @@ def bar(name: str, mapping, cure: list, cells: int = 20) -> dict:
 
 def pulse(base: str, mapping, cure: list) -> dict:
     """Errors of the column at 0.3 kPa."""
-    plain = column.terms
-    column.terms = lambda *scene: plain(*scene) + cure
-    try:
-        run = column.material_points(base, column.small, mapping, hold_cut_cells=False)
-    finally:
-        column.terms = plain
-    row = column.measure(run, base, column.small)[0]
-    return {name: row[name] for name in column.FIGURES if name.startswith("error")}
+    run = column.material_points(base, column.small, alone(mapping), more=cure)
+    watch = column.Watch(run, base, column.small)
+    run.until(column.end)
+    return watch.errors()
 
 
 def drift(cure: list, steps: int) -> dict:
     """The foundation between dashpots, which moves the points a hair into cells."""
-    plain = foundation.terms
-    foundation.terms = lambda *scene: plain(*scene) + cure
-    try:
-        run = foundation.material_points("viscous", cell=0.125, hold_cut_cells=False)
-    finally:
-        foundation.terms = plain
+    run = Foundation("viscous", cell=0.125, more=tuple(cure)).material_points(alone(DM_GC))
     run.step()  # what is compiled and allocated is not timed
     row, far, iterations, stopped, start = {}, 0.0, [], None, time.perf_counter()
     try:

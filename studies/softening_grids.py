@@ -10,24 +10,25 @@ a band one cell wide is the same. Writes results/softening_grids.json.
 
 from __future__ import annotations
 
-import json
 from dataclasses import replace
 
-import nonlinear_step as scene
+import report
+from nonlinear_step import elements, end, points, strip
 from rich.progress import track
 
 from mpm_fenicsx import DM_GC, Energy, Newton, Probe
+from mpm_fenicsx.scenes.foundation import axis, height, soil
 
 CELLS = (0.25, 0.125, 0.0625)
 
 
 def measure(method: str, cell: float, length: float | None) -> dict:
     """Settlement and plastic work at the end of the pulse."""
-    scene.cell, scene.soil = cell, replace(scene.soil, length=length)
-    run = scene.elements(5e-3, Newton()) if method == "FE" else scene.points(5e-3, Newton(), DM_GC)
-    probe = run.record(Probe("displacement", (scene.width / 2, scene.height)))
+    scene = strip(5e-3, cell, replace(soil(), length=length))
+    run = elements(scene, Newton()) if method == "FE" else points(scene, Newton(), DM_GC)
+    probe = run.record(Probe("displacement", (axis, height)))
     energy = run.record(Energy())
-    run.until(scene.end)
+    run.until(end)
     return {
         "method": method,
         "cell_m": cell,
@@ -52,8 +53,7 @@ def main() -> list[dict]:
             f"{row['method']:6} h {row['cell_m']:6.4f} m  length {row['length_m']}  settlement "
             f"{1e3 * row['settlement_m']:6.2f} mm  plastic work {row['plastic_work_j']:7.1f} J/m"
         )
-    scene.RESULTS.mkdir(exist_ok=True)
-    (scene.RESULTS / "softening_grids.json").write_text(json.dumps(rows, indent=1) + "\n")
+    report.write(report.HOME / "results" / "softening_grids.json", rows)
     return rows
 
 

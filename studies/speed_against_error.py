@@ -1,7 +1,7 @@
 """Speed against error: what a digit costs with each mapping and with finite elements, and at which
 orders errors fall.
 
-The paper's column at two loads on two bases, and manufactured bars (``manufactured.py``), over
+The paper's column at two loads on two bases, and manufactured bars (``scenes.bar``), over
 mapping, cell size, time step, points a cell and tolerance of the linear solver.  A row has the
 relative L2 errors of displacement, velocity and stress, the seconds of the steps alone, on the wall
 and of the CPU (least of up to three turns, methods in turn about), memory, and, where a run goes
@@ -15,43 +15,31 @@ for this DOLFINx and number of threads is not run again.
 
 from __future__ import annotations
 
-import argparse
 import json
 import os
 import platform
-import subprocess
 from datetime import UTC, datetime
 from pathlib import Path
 
 import numba
 import numpy as np
+import report
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from speed_against_error_cases import METHODS, MORE, SCENES, Case, cases, measure
 from speed_against_error_figures import distances, figure, orders, tables
 
-from mpm_fenicsx.grid import dolfinx_versions
-
-RESULTS = Path(__file__).parents[1] / "results"
 LONG = (np.inf, 4.0, 1.0)  # s: the longest runs of each turn
 
 
 def surroundings() -> dict:
     """What timings depend on; the first two tell rows that may not be mixed."""
-    commit = subprocess.run(
-        ["git", "rev-parse", "--short", "HEAD"],
-        cwd=Path(__file__).parent,
-        capture_output=True,
-        text=True,
-        check=False,
-    ).stdout.strip()
     return {
-        "dolfinx": dolfinx_versions.version,
+        "dolfinx": report.dolfinx(),
         "threads": os.environ.get("OMP_NUM_THREADS", "not set"),
         "numba_threads": numba.get_num_threads(),
         "machine": f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores",
         "python": platform.python_version(),
-        "commit": commit,
+        "commit": report.commit("rev-parse", "--short", "HEAD"),
     }
 
 
@@ -101,46 +89,13 @@ class Book:
     def write(self, **more) -> None:
         """Write the file anew, or leave it as it was; ``more`` to go before the rows."""
         whole = {"about": self.here, **more, "rows": [*self.rows.values(), *self.others]}
-        part = self.path.with_suffix(".part")
-        part.write_text(_lines(_rounded(whole)))
-        part.replace(self.path)
-
-
-def _rounded(value):
-    """The same with six digits, but for what tells cases apart."""
-    if isinstance(value, float):
-        return float(f"{value:.6g}")
-    if isinstance(value, dict):
-        return {
-            key: item if key in Case.__dataclass_fields__ else _rounded(item)
-            for key, item in value.items()
-        }
-    return [_rounded(item) for item in value] if isinstance(value, list) else value
-
-
-def _lines(whole: dict) -> str:
-    """JSON with a line for each item of a list."""
-
-    def listed(value) -> str:
-        return "[\n" + ",\n".join(json.dumps(item) for item in value) + "\n]"
-
-    parts = (
-        f'"{key}": {listed(value) if isinstance(value, list) else json.dumps(value)}'
-        for key, value in whole.items()
-    )
-    return "{" + ",\n".join(parts) + "}\n"
+        report.write(self.path, report.rounded(whole, 6, Case.__dataclass_fields__))
 
 
 def run(todo: list[Case], turns: int, book: Book, console: Console) -> None:
     """Run what is due, short cases in every turn; an interrupt ends it early and loses nothing."""
-    columns = (
-        TextColumn("{task.description:52}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-    )
     try:
-        with Progress(*columns, console=console) as progress:
+        with report.progress(console, 52) as progress:
             for turn in range(turns):
                 due = [case for case in todo if book.due(case, turn)]
                 task = progress.add_task("", total=len(due))
@@ -160,7 +115,7 @@ def run(todo: list[Case], turns: int, book: Book, console: Console) -> None:
 
 def main(arguments=None) -> list[dict]:
     """Run what is asked for and not there yet, write the rows and the figure, print the tables."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = report.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="coarse cells, one turn")
     parser.add_argument("--all", action="store_true", help="CMPM, DM, DM-C and FE reassembled, too")
     parser.add_argument("--scene", nargs="+", choices=SCENES, default=list(SCENES), metavar="SCENE")
@@ -171,9 +126,7 @@ def main(arguments=None) -> list[dict]:
     parser.add_argument(
         "--fresh", action="store_true", help="forget what was run before with this DOLFINx"
     )
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
-    chosen = parser.parse_args(arguments)
-    chosen.results.mkdir(parents=True, exist_ok=True)
+    chosen = report.chosen(parser, arguments)
     console = Console()
     book = Book(chosen.results / "speed_against_error.json", chosen.fresh)
     todo = cases(chosen.scene, chosen.method or METHODS + MORE * chosen.all, chosen.quick)

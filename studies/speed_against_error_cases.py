@@ -13,7 +13,7 @@ from pathlib import Path
 
 from speed_against_error_scenes import SCENES
 
-from mpm_fenicsx import RunError
+from mpm_fenicsx import RunError, Solver
 
 METHODS = ("FE", "MPM", "GIMP", "DM-G", "DM-GC", "DM-GCL")
 MORE = ("FE reassembled", "CMPM", "DM", "DM-C")
@@ -112,9 +112,9 @@ def measure(case: Case) -> dict:
         ctypes.CDLL(None).malloc_trim(0)  # what earlier runs left is not this one's
     before, began = _memory("VmRSS", reset=True), time.perf_counter()
     scene = SCENES[case.scene]
-    options = {} if case.tolerance is None else {"solver": {"ksp_rtol": case.tolerance}}
-    if case.method == "FE reassembled":
-        options["reassemble"] = True
+    options = {"reassemble": True} if case.method == "FE reassembled" else {}
+    if case.tolerance is not None:
+        options["solver"] = Solver(petsc={"ksp_rtol": case.tolerance})
     run = scene.make(case.method, case.cell, case.dt, case.per_cell, **options)
     watch = scene.watch(run)
     row = {

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+import report
 from matplotlib.ticker import NullFormatter
 from rich.table import Table
 from speed_against_error_cases import (
@@ -157,17 +157,13 @@ def _pairs(rows: list[dict]) -> list[tuple[str, str]]:
 
 def figure(rows: list[dict], path: Path) -> None:
     """Error against seconds, the front of each method; what is behind it as pale dots."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     there = [scene for scene in SCENES if any(row["scene"] == scene for row in rows)]
     across = min(4, len(there))
     blocks = [there[first : first + across] for first in range(0, len(there), across)]
-    fig, axes = plt.subplots(
+    fig, axes = report.subplots(
         2 * len(blocks),
         across,
         figsize=(1.5 + 3.1 * across, 0.6 + 6.2 * len(blocks)),
-        layout="constrained",
         squeeze=False,
     )
     for axis in axes.flat:
@@ -200,8 +196,7 @@ def figure(rows: list[dict], path: Path) -> None:
         f"and tolerances)\nrelative L2 errors; DOLFINx {about['dolfinx']}, {about['threads']} "
         "thread"
     )
-    fig.savefig(path, dpi=130, bbox_inches="tight")
-    plt.close(fig)
+    report.save(fig, path, dpi=130, bbox_inches="tight")
 
 
 def _panel(axis, rows: list[dict], scene: str, error: str) -> None:

@@ -3,20 +3,16 @@ manufactured bars."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
-import manufactured
 import numpy as np
 
 from mpm_fenicsx import DM_GCL, MAPPINGS, Probe
 from mpm_fenicsx.analytical.waves import relative_error
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
-import column
+from mpm_fenicsx.scenes import bar as bars
+from mpm_fenicsx.scenes import column
 
 MAPPING = {mapping.name: mapping for mapping in (*MAPPINGS, DM_GCL)}
 
@@ -89,10 +85,10 @@ def _column(base, load, method, cell, dt, per_cell, **options):
 
 
 def _bar(name, method, cell, dt, per_cell, **options):
-    bar = manufactured.BARS[name]
+    bar = bars.BARS[name]
     if method.startswith("FE"):
-        return manufactured.elements(bar, cell, dt, **options)
-    return manufactured.points(
+        return bars.finite_elements(bar, cell, dt, **options)
+    return bars.material_points(
         bar, MAPPING[method], cell, dt, per_cell, name == "random", **options
     )
 
@@ -111,12 +107,12 @@ SCENES = {
 }
 SCENES |= {
     f"bar, {name}": Scene(
-        tuple(manufactured.length / n for n in (10, 20, 40, 80)),
+        tuple(bars.length / n for n in (10, 20, 40, 80)),
         bar.speed,
         bar.period,
         partial(_bar, name),
-        lambda run, bar=bar: manufactured.Watch(run, bar),
+        lambda run, bar=bar: bars.Watch(run, bar),
         name in ("standing", "moving"),
     )
-    for name, bar in manufactured.BARS.items()
+    for name, bar in bars.BARS.items()
 }

@@ -1,9 +1,6 @@
 """Two bars that meet: what contact makes of stress, velocities and energy, against d'Alembert.
 
-Bars of length L meet at ±v: exact are a stress −ρ c v at the faces for 2L/c, after which the bars
-have exchanged their velocities and part at 2v.  A bar at 2v that meets one of twice its length at
-rest is at rest from 2L/c on, and the other goes on with v, its end beside it at rest as well until
-4L/c.  Bars touch at t = 0, on a line of the grid or 0.3 cells off it.  The strain is 1e-3.
+The bars of ``mpm_fenicsx.scenes.two_bars``, on a line of the grid or 0.3 cells off it.
 
 Writes results/two_bars.json and .png.
 
@@ -13,74 +10,18 @@ Writes results/two_bars.json and .png.
 
 from __future__ import annotations
 
-import argparse
-import json
 from pathlib import Path
 
-import matplotlib
 import numpy as np
+import report
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    GIMP,
-    MPM,
-    Contact,
-    Fixed,
-    GeneralizedAlpha,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-)
+from mpm_fenicsx import DM_G, DM_GC, GIMP, MPM, Contact
+from mpm_fenicsx.scenes.two_bars import CASES, LENGTH, SOIL, SPEED, C, bars
 
-RESULTS = Path(__file__).parents[1] / "results"
-SOIL = LinearElastic(young=20e6, poisson=0.0, density=1500.0)
-C, LENGTH, SPEED = SOIL.p_speed, 2.5, 1e-3
-CASES = {"equal": ((1, 1), (1.0, -1.0), (-1.0, 1.0)), "unequal": ((1, 2), (2.0, 0.0), (0.0, 1.0))}
-"""Lengths over L, velocities over v before and, exactly, after."""
 MAPPINGS = (MPM, GIMP, DM_G, DM_GC)
-
-
-def bars(
-    case: str,
-    mapping,
-    n: int,
-    courant: float,
-    places: float = 0.0,
-    gap: float = 0.0,
-    speed: float = SPEED,
-    radius: float | None = None,
-) -> Contact:
-    """Bars with ``n`` cells over L, ``gap`` cells apart and ``places`` cells off the grid's lines.
-
-    ``radius``: of GeneralizedAlpha instead of Newmark; ``speed`` v over c.
-    """
-    lengths, velocities, _ = CASES[case]
-    h, dt, before = LENGTH / n, courant * LENGTH / n / C, n // 2
-    stepping = Newmark(dt) if radius is None else GeneralizedAlpha(dt, spectral_radius=radius)
-    cells = (sum(lengths) + 1) * n + 4 + int(np.ceil(gap))
-    grid = Grid.box((0, 0), (cells * h, h), (cells, 1))
-    runs, start = [], before
-    for k, length in enumerate(lengths):
-        end = start + length * n
-        body = MaterialPoints.fill(
-            grid, SOIL, 4, inside=lambda x, a=start, b=end: (x[0] > a * h) & (x[0] < b * h)
-        )
-        body.x[:, 0] += (places + k * (gap - 1.0)) * h
-        body.velocity = np.tile([velocities[k] * speed * C, 0.0], (len(body), 1))
-        runs.append(
-            Simulation(grid, body, stepping, [Fixed(grid.facets("bottom", "top"), "y")], mapping)
-        )
-        start = end + 1
-    left, right = runs
-    return Contact(
-        (left, left.bodies[0].surface("right")), (right, right.bodies[0].surface("left"))
-    )
 
 
 def history(
@@ -154,11 +95,8 @@ def cases(quick: bool):
 
 def figure(shown: dict[tuple, dict], path: Path) -> None:
     """Stress at the faces and mean velocities in time."""
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
     colors = {10: "#e69f00", 20: "#0072b2", 40: "#009e73"}
-    fig, axes = plt.subplots(2, 2, figsize=(10, 6.0), layout="constrained", sharex=True)
+    fig, axes = report.subplots(2, 2, figsize=(10, 6.0), sharex=True)
     for column, (case, (_, before, after)) in enumerate(CASES.items()):
         stress, velocity = axes[:, column]
         for (name, n), found in shown.items():
@@ -187,17 +125,14 @@ def figure(shown: dict[tuple, dict], path: Path) -> None:
             axis.grid(alpha=0.3)
             axis.legend(fontsize=7)
     fig.suptitle("Two bars that meet, Courant ½, cells of L/10, L/20, L/40")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fig.savefig(path, dpi=150)
-    plt.close(fig)
+    report.save(fig, path)
 
 
 def main(arguments=None) -> list[dict]:
     """Run all cases, print a table, write results/two_bars.json and .png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--results", type=Path, default=RESULTS, help="folder for the results")
+    parser = report.parser(__doc__)
     parser.add_argument("--quick", action="store_true", help="ten cells, DM-GC, Courant ½")
-    chosen = parser.parse_args(arguments)
+    chosen = report.chosen(parser, arguments)
     rows, shown = [], {}
     for setting in track(list(cases(chosen.quick)), "bars"):
         found = history(bars(**setting), setting["n"])
@@ -210,12 +145,7 @@ def main(arguments=None) -> list[dict]:
             setting["radius"],
         ) == (0.5, 0, None):
             shown[setting["case"], setting["n"]] = found
-    chosen.results.mkdir(parents=True, exist_ok=True)
-    lines = ",\n".join(
-        json.dumps({k: float(f"{v:.5g}") if isinstance(v, float) else v for k, v in row.items()})
-        for row in rows
-    )
-    (chosen.results / "two_bars.json").write_text(f"[\n{lines}\n]\n")
+    report.write(chosen.results / "two_bars.json", report.rounded(rows, 5))
     figure(shown, chosen.results / "two_bars.png")
     table = Table(
         "bars",

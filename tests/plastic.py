@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -25,6 +26,7 @@ from mpm_fenicsx import (
     Newton,
     QuasiStatic,
     Simulation,
+    Solver,
     Traction,
     VonMises,
 )
@@ -33,8 +35,9 @@ from mpm_fenicsx.grid.gauss_points import GaussField, GaussPoints
 
 ELASTIC = LinearElastic(young=20e6, poisson=0.3, density=1500.0)
 LAW = VonMises(ELASTIC, peak=10e3, residual=4e3, softening=200e3)
-DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
+DIRECT = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
 STIFFLY = Newton(tolerance=1e-11)
+EXACT = replace(DIRECT, newton=STIFFLY)
 
 
 def unrest(rng, stress: np.ndarray, history: np.ndarray, law=LAW) -> None:
@@ -72,11 +75,10 @@ def loads(grid, size=1.0):
     ]
 
 
-def static(kind, dim=2, steps=1, size=1.0, **keywords):
+def static(kind, newton, dim=2, steps=1, size=1.0):
     """Quasi-static push of a block of 3^dim uneven cells that yields."""
-    grid = dense.uneven(dim)
-    keywords.setdefault("solver", DIRECT)
-    return run_of(kind, grid, QuasiStatic(steps), loads(grid, size), **keywords)
+    grid, solver = dense.uneven(dim), replace(DIRECT, newton=newton)
+    return run_of(kind, grid, QuasiStatic(steps), loads(grid, size), solver=solver)
 
 
 def prepared(run):
@@ -140,7 +142,7 @@ def plastic_step(kind, dim) -> dict:
         Traction(grid.facets("left"), pull),
     ]
     if kind is None:
-        run = FiniteElements(grid, law, Newmark(0.02), terms, newton=STIFFLY)
+        run = FiniteElements(grid, law, Newmark(0.02), terms, solver=Solver(newton=STIFFLY))
     else:
         elastic, number = ranks.body_of(grid)
         elastic.stress *= 0.1
@@ -152,9 +154,8 @@ def plastic_step(kind, dim) -> dict:
             Newmark(5e-3),
             terms,
             kind,
-            newton=Newton(tolerance=1e-9),
-            solver={"ksp_rtol": 1e-13},
-            initial_acceleration=InitialAcceleration.ZERO,
+            Solver(newton=Newton(tolerance=1e-9), petsc={"ksp_rtol": 1e-13}),
+            InitialAcceleration.ZERO,
         )
     solves = []
     for _ in range(2):

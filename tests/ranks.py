@@ -11,6 +11,7 @@ import json
 import sys
 import tempfile
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -41,9 +42,10 @@ from mpm_fenicsx import (
     RunError,
     Simulation,
     Snapshots,
+    Solver,
     SurfacePoints,
     Traction,
-    Viscoelastic,
+    ViscoelasticBoundary,
     VonMises,
 )
 from mpm_fenicsx.grid import dolfinx_versions
@@ -51,7 +53,7 @@ from mpm_fenicsx.grid import dolfinx_versions
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 FINITE = Hencky(young=20e6, poisson=0.25, density=1500.0)
 CLAY = VonMises(SOIL, peak=2e3, residual=1e3, softening=1e5, length=0.5)
-EXACT = {"ksp_rtol": 1e-13, "ksp_max_it": 2000}
+EXACT = Solver(petsc={"ksp_rtol": 1e-13, "ksp_max_it": 2000})
 
 
 def key(x) -> str:
@@ -145,8 +147,8 @@ def still(dim: int, mapping) -> dict:
     terms = [
         Gravity((0.0,) * (dim - 1) + (-9.81,)),
         Traction(grid.facets("left"), (1e3, *(2e3,) * (dim - 1))),
-        Viscoelastic(grid.facets("bottom"), SOIL, 3.0),
-        Viscoelastic(markers_of(grid), SOIL, 2.0),
+        ViscoelasticBoundary(grid.facets("bottom"), SOIL, 3.0),
+        ViscoelasticBoundary(markers_of(grid), SOIL, 2.0),
     ]
     run = Simulation(grid, body, Newmark(1e-4), terms, mapping)
     run.locate()
@@ -180,18 +182,18 @@ def still(dim: int, mapping) -> dict:
     return out
 
 
-def moving(dim: int, mapping, b_bar: bool = False, more: tuple = ()) -> dict:
+def moving(dim: int, mapping, more: tuple = ()) -> dict:
     """A few steps, with ``more`` terms."""
     grid = grid_of(dim)
     body, number = body_of(grid)
     terms = [
         Gravity((0.0,) * (dim - 1) + (-9.81,)),
         Fixed(grid.facets("left", "right"), "x"),
-        Viscoelastic(grid.facets("bottom"), SOIL, 3.0),
-        Viscoelastic(markers_of(grid), SOIL, 2.0),
+        ViscoelasticBoundary(grid.facets("bottom"), SOIL, 3.0),
+        ViscoelasticBoundary(markers_of(grid), SOIL, 2.0),
         *more,
     ]
-    run = Simulation(grid, body, Newmark(1e-4), terms, mapping, solver=EXACT, b_bar=b_bar)
+    run = Simulation(grid, body, Newmark(1e-4), terms, mapping, EXACT)
     for _ in range(4):
         run.step()
     rows = np.hstack((body.x, 1e-6 * body.stress, body.velocity, 1e-2 * body.acceleration))
@@ -242,7 +244,8 @@ def of_two_bodies(dim: int, mapping) -> dict:
     grid = grid_of(dim)
     both = [body_of(grid, part) for part in (lambda x: x[:, 0] < 0.55, lambda x: x[:, 0] >= 0.55)]
     terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets("left"))]
-    run = Simulation(grid, [body for body, _ in both], Newmark(1e-4), terms, mapping, solver=EXACT)
+    bodies = [body for body, _ in both]
+    run = Simulation(grid, bodies, Newmark(1e-4), terms, mapping, EXACT)
     for _ in range(3):
         run.step()
     return {
@@ -302,7 +305,7 @@ def surfaces_by_hand(dim: int) -> dict:
     loads = [1e4 * rng.normal(size=s.x.shape) for s in (points, faces)]
     for _ in range(2):
         terms = [Fixed(grid.facets("left"), "x"), DeadLoad(points, lambda t, x: 1e4 * x)]
-        terms += [Viscoelastic(faces, SOIL, 0.5)] if dim == 2 else []
+        terms += [ViscoelasticBoundary(faces, SOIL, 0.5)] if dim == 2 else []
         terms += [Traction(s, load) for s, load in zip((points, faces), loads, strict=True)]
         run = Simulation(grid, body, Newmark(1e-4), terms, solver=EXACT)
         for _ in range(2):
@@ -334,16 +337,10 @@ def lacking(cells: tuple[int, ...], material, stepping, mapping, end: float, fol
         Fixed(grid.facets("bottom")),
         Traction(body.surface("top"), (0.0, -1e3, *across)),
     ]
-    terms += [Viscoelastic(body.surface("right"), SOIL, 3.0), GhostPenalty()] if whole else []
-    run = Simulation(
-        grid,
-        body,
-        stepping,
-        terms,
-        mapping,
-        newton=Newton(1e-12),
-        solver=EXACT if dynamic else None,
-    )
+    if whole:
+        terms += [ViscoelasticBoundary(body.surface("right"), SOIL, 3.0), GhostPenalty()]
+    solver = replace(EXACT if dynamic else Solver(), newton=Newton(1e-12))
+    run = Simulation(grid, body, stepping, terms, mapping, solver)
     energy = run.record(Energy()) if whole else None
     probe = run.record(Probe("stress", (0.5,) * dim))
     run.record(Snapshots(folder / "shot"))
@@ -376,10 +373,11 @@ def twin(dim: int, stepping, b_bar: bool = False, grid: Grid | None = None, mate
         Gravity((*across, -9.81)),
     ]
     if stepping.dynamic:
-        terms.append(Viscoelastic(grid.facets("top"), SOIL, 3.0))
+        terms.append(ViscoelasticBoundary(grid.facets("top"), SOIL, 3.0))
     elif dim == 3:
         terms.append(Fixed(grid.facets("bottom"), "y"))
-    run = FiniteElements(grid, material, stepping, terms, b_bar=b_bar, newton=Newton(1e-12))
+    solver = Solver(newton=Newton(1e-12))
+    run = FiniteElements(grid, material, stepping, terms, solver=solver, b_bar=b_bar)
     for _ in range(3):
         run.step()
     return {"displacement": nodal(grid, run.motion.nodal(run.displacement))}
@@ -398,15 +396,13 @@ def layers(dim: int, finite: bool) -> dict:
     bodies = [MaterialPoints.fill(grid, law, 2**dim, inside) for law, inside in parts]
     pull = np.array([15e3, 9e3, 9e3])[:dim]
     terms = [
-        Viscoelastic(grid.facets("bottom"), SOIL, 3.0),
+        ViscoelasticBoundary(grid.facets("bottom"), SOIL, 3.0),
         Gravity((0.0,) * (dim - 1) + (-9.81,)),
         Traction(grid.facets("left", "right"), pull),
     ]
-    start = None
+    solver, start = Solver(newton=Newton(tolerance=1e-11)), None
     for _ in range(2):
-        run = FiniteElements(
-            grid, bodies, Newmark(0.02), terms, newton=Newton(tolerance=1e-11), start=start
-        )
+        run = FiniteElements(grid, bodies, Newmark(0.02), terms, solver=solver, start=start)
         energy = run.record(Energy())
         run.step()
         run.step()
@@ -504,7 +500,7 @@ def options(comm: MPI.Comm) -> dict:
         SOIL,
         QuasiStatic(1),
         [Fixed(grid.facets("bottom"))],
-        solver={"mat_mumps_icntl_14": 77},
+        solver=Solver(petsc={"mat_mumps_icntl_14": 77}),
     )
     run.step()
     factor = run.equilibrium.ksp.getPC().getFactorMatrix()
@@ -543,7 +539,7 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
         cases[f"two bodies {dim}D DM-GCL"] = of_two_bodies(dim, DM_GCL)
         cases[f"jitter {dim}D"] = jittered(dim)
         cases[f"surfaces by hand {dim}D"] = surfaces_by_hand(dim)
-        cases[f"moving {dim}D B-bar"] = moving(dim, DM_GC, b_bar=True)
+        cases[f"moving {dim}D B-bar"] = moving(dim, replace(DM_GC, b_bar=True))
         cases[f"moving {dim}D GhostPenalty"] = moving(dim, DM_GC, more=(GhostPenalty(),))
         cases[f"settled {dim}D"] = settled(dim, DM_GC)
         cases[f"static twin {dim}D B-bar"] = twin(dim, QuasiStatic(3), b_bar=True)

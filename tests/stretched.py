@@ -11,7 +11,17 @@ from mpi4py import MPI
 import plastic
 import ranks
 
-from mpm_fenicsx import DM_GC, GIMP, Hencky, MaterialPoints, Newmark, Newton, Simulation, VonMises
+from mpm_fenicsx import (
+    DM_GC,
+    GIMP,
+    Hencky,
+    MaterialPoints,
+    Newmark,
+    Newton,
+    Simulation,
+    Solver,
+    VonMises,
+)
 
 SOIL = Hencky(young=20e6, poisson=0.3, density=1500.0)
 LAW = VonMises(SOIL, peak=300e3, residual=100e3, softening=800e3)
@@ -25,21 +35,13 @@ def two_steps(kind, dim) -> dict:
     grid = ranks.grid_of(dim)
     terms = [*plastic.loads(grid, 30.0)]
     if kind is None:
-        run = plastic.run_of(
-            None, grid, Newmark(5e-3), terms, law=LAW, newton=Newton(tolerance=1e-10)
-        )
+        solver = Solver(newton=Newton(tolerance=1e-10))
+        run = plastic.run_of(None, grid, Newmark(5e-3), terms, law=LAW, solver=solver)
     else:
         elastic, number = ranks.body_of(grid)
         body = MaterialPoints(LAW, elastic.x, elastic.half, elastic.volume, stress=elastic.stress)
-        run = Simulation(
-            grid,
-            body,
-            Newmark(5e-3),
-            terms,
-            kind,
-            newton=Newton(tolerance=1e-10),
-            solver={"ksp_rtol": 1e-13},
-        )
+        solver = Solver(newton=Newton(tolerance=1e-10), petsc={"ksp_rtol": 1e-13})
+        run = Simulation(grid, body, Newmark(5e-3), terms, kind, solver)
     for _ in range(2):
         run.step()
     out = {"increment": ranks.nodal(grid, run.motion.nodal(run.motion.u))}

@@ -25,6 +25,7 @@ FLOORS = {
     "runs": 7,
     "contact": 8,
     "": 9,
+    "scenes": 10,
 }
 ARROWS = 60
 """So many imports between folders are a picture that can still be read."""
@@ -101,8 +102,27 @@ def test_imports_make_no_circle():
 
 
 def test_few_arrows_join_the_folders():
+    """Of the package, and from scripts beside it into the package's folders and to one another."""
     inside = {pair for pair in arrows() if pair[0]}
-    assert len(inside) <= ARROWS, f"{len(inside)} arrows"
+    root, beside = PACKAGE.parent, ("studies", "demos", "benchmarks")
+    of = {path.stem: name for name in beside for path in (root / name).glob("*.py")}
+    outside = set()
+    for name in beside:
+        for path in (root / name).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.ImportFrom):
+                    modules = [node.module]
+                elif isinstance(node, ast.Import):
+                    modules = [alias.name for alias in node.names]
+                else:
+                    continue
+                for module in modules:
+                    first, *rest = module.split(".")
+                    if first == PACKAGE.name and rest:
+                        outside.add((name, rest[0]))
+                    elif of.get(first, name) != name:
+                        outside.add((name, of[first]))
+    assert len(inside | outside) <= ARROWS, f"{len(inside)} inside, {len(outside)} from beside"
 
 
 @pytest.mark.parametrize("module", sorted(m for m in FILES if FOLDERS[m] in WITHOUT_DOLFINX))

@@ -1,11 +1,14 @@
 """What a run refuses before its first step, each by the name of the parameter and its value."""
 
+from dataclasses import replace
+
 import dense
 import numpy as np
 import pytest
 from dolfinx.mesh import create_unit_square
 
 from mpm_fenicsx import (
+    DM_GC,
     Checkpoint,
     Contact,
     Energy,
@@ -23,10 +26,11 @@ from mpm_fenicsx import (
     QuasiStatic,
     Simulation,
     Snapshots,
+    Solver,
     SurfacePoints,
     Traction,
-    Viscoelastic,
-    Viscous,
+    ViscoelasticBoundary,
+    ViscousBoundary,
     VonMises,
 )
 from mpm_fenicsx.grid import dolfinx_versions
@@ -230,14 +234,17 @@ def mark(x=0.5, dim=2):
 
 
 TERMS = [
-    (lambda g: Viscoelastic(g.facets("left"), dense.SOFT, -2.0), r"radius .* got -2"),
-    (lambda g: Viscoelastic(g.facets("left"), dense.SOFT, NAN), r"radius .* got nan"),
+    (lambda g: ViscoelasticBoundary(g.facets("left"), dense.SOFT, -2.0), r"radius .* got -2"),
+    (lambda g: ViscoelasticBoundary(g.facets("left"), dense.SOFT, NAN), r"radius .* got nan"),
     (lambda g: Fixed(mark()), r"Fixed acts on facets of the grid, got SurfacePoints"),
     (lambda g: Fixed(g.facets("left"), "z"), r"components .* got 'z'"),
     (lambda g: Fixed(g.facets("left"), "yw"), r"components .* got 'w'"),
     (lambda g: Fixed(OTHER.facets("left")), r"\('left',\) belong to another grid"),
     (lambda g: Traction(OTHER.facets("top"), (0.0, 1.0)), r"\('top',\) belong to another grid"),
-    (lambda g: Viscous(OTHER.facets("top"), dense.SOFT), r"\('top',\) belong to another grid"),
+    (
+        lambda g: ViscousBoundary(OTHER.facets("top"), dense.SOFT),
+        r"\('top',\) belong to another grid",
+    ),
     (lambda g: Traction("top", (0.0, 1.0)), r"on must be .* got 'top'"),
     (lambda g: Traction(mark(dim=3), (0.0, 1.0)), r"surface points have 3 coordinates, the grid 2"),
     (
@@ -278,7 +285,11 @@ def test_terms(grid, body, make, message):
 
 
 @pytest.mark.parametrize(
-    "make", [lambda on: Viscous(on, dense.SOFT), lambda on: Viscoelastic(on, dense.SOFT, 2.0)]
+    "make",
+    [
+        lambda on: ViscousBoundary(on, dense.SOFT),
+        lambda on: ViscoelasticBoundary(on, dense.SOFT, 2.0),
+    ],
 )
 def test_dashpots_in_statics(grid, body, make):
     name = type(make(mark())).__name__
@@ -295,7 +306,7 @@ def test_dashpots_in_statics(grid, body, make):
 def points_with(**changed):
     def make(grid, body):
         return Simulation(
-            **{"grid": grid, "points": body, "stepping": Newmark(1e-3), "terms": [], **changed}
+            **{"grid": grid, "bodies": body, "stepping": Newmark(1e-3), "terms": [], **changed}
         )
 
     return make
@@ -323,15 +334,12 @@ BOTH = [
     ({"terms": None}, "^terms must be a list such as .*got None$"),
     ({"terms": [Gravity((0, -1)), 3]}, "^terms: number 1 is no boundary or load .*got 3$"),
     ({"terms": Gravity}, "^terms: number 0 .*got the class Gravity itself$"),
-    ({"newton": 1e-6}, r"^newton must be Newton\(tolerance\) or None, got 1e-06$"),
-    ({"newton": Newton}, "^newton must be .*got the class Newton itself$"),
-    ({"solver": "cg"}, "^solver must be PETSc options by name, .*got 'cg'$"),
+    ({"solver": "cg"}, r"^solver must be a Solver, such as Solver\(petsc=.*\), got 'cg'$"),
+    ({"solver": Solver}, "^solver must be a Solver, .*got the class Solver itself$"),
     (
-        {"solver": {"-ksp_type": "cg"}},
-        "^solver: names of PETSc options are texts without a dash, got '-ksp_type'$",
+        {"solver": Solver(petsc={"pc_type": "nonsense"})},
+        "^solver: PETSc takes none .*'pc_type': 'nonsense'",
     ),
-    ({"solver": {"pc_type": "nonsense"}}, "^solver: PETSc takes none .*'pc_type': 'nonsense'"),
-    ({"b_bar": "yes"}, "^b_bar must be True or False, got 'yes'$"),
     ({"grid": 3}, r"^grid must be a Grid, such as .*got 3$"),
 ]
 KINDS = [
@@ -341,26 +349,25 @@ KINDS = [
         points_with(mapping="DM_GC"),
         "^mapping must be an object such as DM_GC, imported by its name, got 'DM_GC'$",
     ),
-    (points_with(transfer="flip"), "^transfer must be a function .*got 'flip'$"),
-    (points_with(sweeps="two"), "^sweeps .*got 'two'"),
-    (points_with(balanced="yes"), "^balanced must be True or False, got 'yes'$"),
-    (points_with(points=3), "^points must be MaterialPoints, .*got 3$"),
+    (points_with(mapping=Mapping), "^mapping must be .*got the class Mapping itself$"),
+    (points_with(bodies=3), "^bodies must be MaterialPoints, .*got 3$"),
     (
-        points_with(points=MaterialPoints),
-        "^points must be MaterialPoints, .*got the class MaterialPoints itself$",
+        points_with(bodies=MaterialPoints),
+        "^bodies must be MaterialPoints, .*got the class MaterialPoints itself$",
     ),
     (
         lambda grid, body: Simulation(grid, [body, body], Newmark(1e-3), []),
-        "^points: a body is named twice$",
+        "^bodies: a body is named twice$",
     ),
     (
         lambda grid, body: Simulation(grid, body.surface("top"), Newmark(1e-3), []),
-        "^points must be .*got SurfacePoi",
+        "^bodies must be .*got SurfacePoi",
     ),
     (
         elements_with(material=LinearElastic),
         "^material must be an object, got the class LinearElastic itself",
     ),
+    (elements_with(b_bar="yes"), "^b_bar must be True or False, got 'yes'$"),
     (elements_with(start=3), "^start must be a finite element run, got 3$"),
     (lambda grid, body: MaterialPoints.fill(3, dense.SOIL, 4), "^grid must be a Grid, .*got 3$"),
     (
@@ -429,7 +436,6 @@ KINDS = [
     (lambda grid, body: Probe("stress", "here"), "^at must be an array of numbers, got 'here'$"),
     (lambda grid, body: Checkpoint(3), "^path must be a path, got 3$"),
     (lambda grid, body: Snapshots(None), "^path must be a path, got None$"),
-    (lambda grid, body: Mapping("M", True, "points", True), "^integrate must be .*got 'points'$"),
     (
         lambda grid, body: points_with()(grid, body).record(Energy),
         "^recorder must be an object such as",
@@ -446,6 +452,36 @@ KINDS = [
 def test_what_is_of_another_kind_is_refused_with_a_sentence(grid, body, make, words):
     with refused(words):
         make(grid, body)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Mapping("M", True, "points", True), "^integrate must be .*got 'points'$"),
+        (lambda: replace(DM_GC, mass="points"), "^mass must be .*got 'points'$"),
+        (lambda: replace(DM_GC, sweeps="two"), "^sweeps .*got 'two'"),
+        (lambda: replace(DM_GC, transfer="flip"), "^transfer must be a function .*got 'flip'$"),
+        (lambda: replace(DM_GC, transfer=Newton), "^transfer must be a function .*Newton'>$"),
+        (
+            lambda: replace(DM_GC, correction="off"),
+            "^correction must be AccelerationCorrection.IMPLICIT, LUMPED or OFF, got 'off'$",
+        ),
+        (lambda: replace(DM_GC, b_bar="yes"), "^b_bar must be True or False, got 'yes'$"),
+        (lambda: replace(DM_GC, hold_cut_cells=3), "^hold_cut_cells must be True or False, got 3$"),
+        (lambda: Solver(newton=1e-6), r"^newton must be Newton\(tolerance\), got 1e-06$"),
+        (lambda: Solver(newton=Newton), "^newton must be .*got the class Newton itself$"),
+        (lambda: Solver(petsc="cg"), "^petsc must be PETSc options by name, .*got 'cg'$"),
+        (
+            lambda: Solver(petsc={"-ksp_type": "cg"}),
+            "^petsc: names of PETSc options are texts without a dash, got '-ksp_type'$",
+        ),
+        (lambda: Solver(reuse="some"), "^reuse must be a number, got 'some'$"),
+        (lambda: Solver(reuse=0.2), r"^reuse must be at least 0 and at most 0\.1, got 0\.2$"),
+    ],
+)
+def test_options_of_a_mapping_and_of_a_solver(make, words):
+    with refused(words):
+        make()
 
 
 @pytest.mark.parametrize(
@@ -466,12 +502,12 @@ def test_what_is_of_another_kind_is_refused_with_a_sentence(grid, body, make, wo
         (lambda on: Fixed(on, 3), "^components must be one or several of xy in a text, got 3$"),
         (lambda on: Fixed(on, ""), "^components must be one or several of xy in a text, got ''$"),
         (
-            lambda on: Viscous(on, LinearElastic),
-            "^material of Viscous must be an object, got the class LinearElastic",
+            lambda on: ViscousBoundary(on, LinearElastic),
+            "^material of ViscousBoundary must be an object, got the class LinearElastic",
         ),
         (
-            lambda on: Viscoelastic(on, 3.0, 1.0),
-            "^material of Viscoelastic lacks density .*p_speed, s_speed, .*got 3.0$",
+            lambda on: ViscoelasticBoundary(on, 3.0, 1.0),
+            "^material of ViscoelasticBoundary lacks density .*p_speed, s_speed, .*got 3.0$",
         ),
         (lambda on: Gravity(9.81), r"^g of Gravity must give 2 finite numbers, got array\(9\.81\)"),
         (lambda on: Traction(on, None), "^value of Traction must give 2 finite numbers, got None$"),
@@ -487,7 +523,7 @@ def test_one_term_and_one_body_need_no_list(grid, body):
     gravity = Gravity((0.0, -1.0))
     assert points_with(terms=gravity)(grid, body).terms == [gravity]
     assert elements_with(terms=gravity)(grid, body).terms == [gravity]
-    assert points_with(terms=(gravity,), points=(body,))(grid, body).bodies == [body]
+    assert points_with(terms=(gravity,), bodies=(body,))(grid, body).bodies == [body]
 
 
 # -- materials -------------------------------------------------------------------------------------

@@ -14,6 +14,7 @@ import cost_of_a_step
 import cost_pieces
 import cost_report
 import cost_scenes
+import report
 from cost_pieces import PIECES, POINTS, Bill, total
 
 
@@ -150,7 +151,9 @@ def test_the_script_writes_rows_and_figure_and_goes_on_where_it_was(tmp_path, mo
     assert [row["kind"] for row in rows] == ["start", "start", "empty", "ratio"] + 6 * ["bill"]
     assert (tmp_path / "cost_of_a_step.png").stat().st_size > 10_000
     kept = json.loads((tmp_path / "cost_of_a_step.json").read_text())
-    assert kept == cost_of_a_step.rounded(rows) and not any("failed" in row for row in kept)
+    assert kept == report.rounded(rows, 4, cost_of_a_step.KEYS) and not any(
+        "failed" in row for row in kept
+    )
     done.clear()
     cost_of_a_step.main(["--quick", "--results", str(tmp_path)])
     assert not done

@@ -1,6 +1,8 @@
 """One step's matrix and right-hand side against eq. (12) by hand, and the nodes that no material
 touches."""
 
+from dataclasses import replace
+
 import dense
 import numpy as np
 import pytest
@@ -22,15 +24,16 @@ from mpm_fenicsx import (
     QuasiStatic,
     RunError,
     Simulation,
+    Solver,
     Traction,
-    Viscoelastic,
-    Viscous,
+    ViscoelasticBoundary,
+    ViscousBoundary,
 )
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.grid import weak_forms
 
 DT = 2e-3
-DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
+DIRECT = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
 
 
 def close(a, b, tolerance=1e-12):
@@ -61,12 +64,12 @@ def scene(request):
         terms = [
             Gravity(tuple(gravity(dim))),
             Traction(grid.facets("top"), tuple(1e4 * gravity(dim))),
-            Viscoelastic(on, dense.SOFT, 1.5),
-            Viscous(grid.facets("left"), dense.SOIL),
+            ViscoelasticBoundary(on, dense.SOFT, 1.5),
+            ViscousBoundary(grid.facets("left"), dense.SOIL),
         ]
         body.velocity *= 0.1
         body.stress *= 0.1
-        run = Simulation(grid, body, Newmark(DT), terms, mapping, solver=DIRECT)
+        run = Simulation(grid, body, Newmark(DT), terms, mapping, DIRECT)
         run.step()
         run.locate()
         run.project()
@@ -165,7 +168,8 @@ def test_nodes_without_material_stay_and_are_not_solved_for(mapping, stepping):
         grid, dense.SOIL, 4, jitter=0.3, inside=lambda x: (x[0] < 3) & (x[1] < 2)
     )
     terms = [Fixed(grid.facets("bottom")), Gravity((1.0, -1.0))]
-    run = Simulation(grid, body, stepping, terms, mapping, solver=DIRECT, hold_cut_cells=False)
+    mapping = replace(mapping, hold_cut_cells=False)
+    run = Simulation(grid, body, stepping, terms, mapping, DIRECT)
     run.step()
     x, u = grid.space.tabulate_dof_coordinates()[:, :2], run.motion.nodal(run.motion.u)
     weight = np.zeros(grid.nodes)
@@ -190,7 +194,7 @@ def test_a_node_with_hardly_any_mass_falls_like_the_rest(mapping, fill):
     body.x += (
         np.array(fill) if mapping.support else 0.25 + np.array(fill)
     )  # domains or points reach into next cells
-    run = Simulation(grid, body, Newmark(dt), [Gravity(tuple(g))], mapping, solver=DIRECT)
+    run = Simulation(grid, body, Newmark(dt), [Gravity(tuple(g))], mapping, DIRECT)
     run.step()
     weight = np.zeros(grid.nodes)
     np.add.at(weight, run.stencils[0].nodes, run.stencils[0].values)
@@ -232,7 +236,8 @@ def test_the_scaled_matrix_stays_well_conditioned_wherever_the_body_is_cut(dim, 
 def test_a_solver_that_stops_early_is_an_error():
     grid = dense.uneven(2)
     body = dense.random_body(grid, np.random.default_rng(0))
-    run = Simulation(grid, body, Newmark(1e-3), [], solver={"ksp_max_it": 1, "ksp_rtol": 1e-14})
+    impatient = Solver(petsc={"ksp_max_it": 1, "ksp_rtol": 1e-14})
+    run = Simulation(grid, body, Newmark(1e-3), [], solver=impatient)
     with pytest.raises(RunError, match=r"step 1, t = 0\.001.*reason -3 after 1 iterations"):
         run.step()
 
@@ -241,7 +246,11 @@ def test_options_reach_their_own_solver_only():
     grid = dense.uneven(2)
     runs = [
         Simulation(
-            grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [], solver=options
+            grid,
+            MaterialPoints.fill(grid, dense.SOIL, 4),
+            Newmark(1e-3),
+            [],
+            solver=Solver(petsc=options),
         )
         for options in ({"ksp_rtol": 1e-3}, None, {"ksp_type": "minres"})
     ]
@@ -261,7 +270,7 @@ def test_solvers_agree(mapping):
             Newmark(1e-3),
             [Fixed(grid.facets("bottom")), Gravity((1.0, -9.81))],
             mapping,
-            solver=solver,
+            solver,
         )
         run.until(5e-3)
         found.append(body.x - 0.0)
@@ -278,7 +287,7 @@ def test_a_factor_comes_to_the_rescue_of_an_iteration_that_fails():
             body,
             Newmark(DT),
             [Gravity((1.0, -9.0)), Fixed(grid.facets("bottom"))],
-            correction=AccelerationCorrection.OFF,
+            replace(DM_GC, correction=AccelerationCorrection.OFF),
         )
         run.equilibrium.ksp.setTolerances(max_it=most)
         run.step()

@@ -17,8 +17,8 @@ from mpm_fenicsx import (
     QuasiStatic,
     Simulation,
     Traction,
-    Viscoelastic,
-    Viscous,
+    ViscoelasticBoundary,
+    ViscousBoundary,
 )
 from mpm_fenicsx.grid import dolfinx_versions
 
@@ -29,7 +29,7 @@ def shaken(grid, **keywords):
         Fixed(grid.facets("bottom")),
         Gravity(lambda t: np.sin(300 * t) * (np.arange(dim) + 1.0)),
         Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x),
-        Viscoelastic(grid.facets("right"), dense.SOFT, 2.0),
+        ViscoelasticBoundary(grid.facets("right"), dense.SOFT, 2.0),
     ]
     return FiniteElements(grid, dense.SOIL, Newmark(1e-3), terms, **keywords)
 
@@ -134,7 +134,7 @@ def test_a_viscous_base_takes_a_plane_wave_whole():
     soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
     left = {}
     for name, term in (
-        ("viscous", Viscous(grid.facets("bottom"), soil)),
+        ("viscous", ViscousBoundary(grid.facets("bottom"), soil)),
         ("fixed", Fixed(grid.facets("bottom"), "y")),
     ):
         run = FiniteElements(
@@ -173,7 +173,11 @@ def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
             grid,
             dense.SOIL,
             Newmark(1e-3),
-            [Fixed(grid.facets("bottom")), Traction(on, (1e6,) * dim), Viscous(on, dense.SOFT)],
+            [
+                Fixed(grid.facets("bottom")),
+                Traction(on, (1e6,) * dim),
+                ViscousBoundary(on, dense.SOFT),
+            ],
         )
         run.until(0.01)
         assert run.motion.nodal(run.displacement)[:, 1].max() > 0.01
@@ -198,7 +202,7 @@ def on_springs(grid, *parts, load=500.0):
     return [
         *walls,
         Traction(top, -load * np.eye(grid.dim)[up]),
-        *(Viscoelastic(part, SPRINGY, 20.0) for part in parts),
+        *(ViscoelasticBoundary(part, SPRINGY, 20.0) for part in parts),
     ]
 
 
@@ -243,7 +247,7 @@ def test_springs_keep_what_they_bear_however_their_facets_are_named():
     terms = [Fixed(grid.facets("bottom"), "y"), Traction(grid.facets("top"), (1e3, -500.0))]
 
     def run(*surfaces, **keywords):
-        springs = [Viscoelastic(on, SPRINGY, 20.0) for on in surfaces]
+        springs = [ViscoelasticBoundary(on, SPRINGY, 20.0) for on in surfaces]
         return FiniteElements(grid, SPRINGY, Newmark(0.01), [*terms, *springs], **keywords)
 
     whole, first = run(left, right), run(left, right)

@@ -12,22 +12,21 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 import foundation
 
+from mpm_fenicsx.scenes.foundation import Foundation, elastic, first, height, pulses
+
 MESHES = foundation.HOME / "meshes"
-MAKERS = {"DM-GC": foundation.material_points, "FE": foundation.finite_elements}
-BACK = (
-    foundation.first + (2 * foundation.height - 0.97) / foundation.elastic.p_speed
-)  # s: base's echo at point 2
+MAKERS = foundation.METHODS
+BACK = first + (2 * height - 0.97) / elastic.p_speed  # s: base's echo at point 2
 
 
 @pytest.fixture(scope="module")
 def runs():
     """Rows and curves of both methods, past the largest stress of the second pulse."""
+    scenes = [Foundation(boundary, cell=0.125) for boundary in ("fixed", "viscous")]
     return {
-        (method, boundary): foundation.measure(
-            make(boundary, cell=0.125), boundary, cell=0.125, until=0.65
-        )[:2]
+        (method, scene.boundary): foundation.measure(make(scene), scene, until=0.65)[:2]
         for method, make in MAKERS.items()
-        for boundary in ("fixed", "viscous")
+        for scene in scenes
     }
 
 
@@ -65,9 +64,17 @@ def test_energy_is_accounted_for(runs):
         assert row["energy_error"] < (1e-4 if method == "FE" else 0.01)
 
 
+@pytest.mark.parametrize("cell", foundation.CELLS)
+@pytest.mark.parametrize("boundary", ("fixed", "viscous"))
+def test_the_scenes_own_grid_is_that_of_the_meshes(boundary, cell):
+    scene = Foundation(boundary, cell=cell)
+    read, made = foundation.material_points(scene).grid.lattice, scene.grid().lattice
+    assert np.array_equal(read.lower, made.lower) and np.array_equal(read.upper, made.upper)
+
+
 def test_pulses():
     t = np.array([0.0, 0.225, 0.325, 0.425, 0.475, 0.525, 0.625, 0.925])
-    assert foundation.pulses(t, 26.0) == pytest.approx([0, 0, 26, 0, 0, 0, 26, 26])
+    assert pulses(t, 26.0) == pytest.approx([0, 0, 26, 0, 0, 0, 26, 26])
 
 
 def test_meshes_come_out_of_their_script_again():
@@ -83,9 +90,10 @@ def test_meshes_come_out_of_their_script_again():
 
 
 def test_a_run_that_stops_keeps_its_row():
-    run = foundation.finite_elements("fixed", cell=0.5)
+    scene = Foundation("fixed", cell=0.5)
+    run = scene.finite_elements()
     run.step = lambda: (_ for _ in ()).throw(foundation.RunError("FE, step 1: made to fail"))
-    row = foundation.measure(run, "fixed", cell=0.5)[0]
+    row = foundation.measure(run, scene)[0]
     assert row["steps"] == 0 and "made to fail" in row["reason"]
 
 

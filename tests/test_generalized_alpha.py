@@ -25,8 +25,9 @@ from mpm_fenicsx import (
     Newmark,
     Newton,
     Simulation,
+    Solver,
     Traction,
-    Viscoelastic,
+    ViscoelasticBoundary,
     VonMises,
 )
 from mpm_fenicsx.common import tensors
@@ -36,6 +37,7 @@ from mpm_fenicsx.grid import weak_forms
 RADIUS = pytest.mark.parametrize(
     "ρ, w", [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.8, 0.3), (0.8, 0.8), (1.0, 0.0), (1.0, 1.0)]
 )
+EXACT = Solver(newton=Newton(tolerance=1e-11))
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 LAWS = {
     "elastic": dense.SOIL,
@@ -96,7 +98,7 @@ def one_element(stepping, load, H=0.5):
         Fixed(grid.facets("left"), "x"),
         Fixed(grid.facets("bottom", "top"), "y"),
         Traction(grid.facets("right"), lambda t: (load(t), 0.0)),
-        Viscoelastic(grid.facets("right"), SOIL, 2.0),
+        ViscoelasticBoundary(grid.facets("right"), SOIL, 2.0),
     ]
     run = FiniteElements(grid, SOIL, stepping, terms)
     mass, (λ, μ) = SOIL.density * H / 3, SOIL.lame
@@ -170,7 +172,11 @@ def test_a_radius_of_one_is_the_trapezoidal_rule_bit_by_bit_with_the_balance_at_
         grid = Grid.box((-1, -1), (2, 2), (9, 9))
         load = Traction(body.surface("top"), lambda t: (0.0, 1e3 + t))
         run = Simulation(
-            grid, body, stepping, [load, Viscoelastic(body.surface("bottom"), SOIL, 3.0)], DM_GC
+            grid,
+            body,
+            stepping,
+            [load, ViscoelasticBoundary(body.surface("bottom"), SOIL, 3.0)],
+            DM_GC,
         )
         run.until(3e-3)
         found.append(np.hstack((body.x, body.velocity, body.acceleration, body.stress)))
@@ -184,9 +190,7 @@ def test_forces_of_finite_elements_balance_inside_the_step(law, ρ, w):
     element that cannot move sideways; its nominal stress is Cauchy's."""
     grid = Grid.box((0, 0), (1, 1), (1, 1))
     fixed = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
-    run = FiniteElements(
-        grid, LAWS[law], GeneralizedAlpha(2e-3, ρ, w), fixed, newton=Newton(tolerance=1e-11)
-    )
+    run = FiniteElements(grid, LAWS[law], GeneralizedAlpha(2e-3, ρ, w), fixed, solver=EXACT)
     right = grid.space.tabulate_dof_coordinates()[:, 0] > 0.5
     run.motion.nodal(run.motion.v)[right, 0] = -5.0
     mass, before, (αm, αf) = LAWS[law].density / 3, (0.0, 0.0), alphas(ρ, w)
@@ -210,9 +214,7 @@ def test_forces_of_material_points_balance_inside_the_step(law, ρ, w):
     body = dense.random_body(grid, rng, material=LAWS[law])
     body.stress *= 0.01 if law == "von Mises" else 1.0
     terms = [Fixed(grid.facets("bottom")), Gravity(lambda t: (3.0 + 4e3 * t, -9.81))]
-    run = Simulation(
-        grid, body, GeneralizedAlpha(1e-3, ρ, w), terms, MPM, newton=Newton(tolerance=1e-11)
-    )
+    run = Simulation(grid, body, GeneralizedAlpha(1e-3, ρ, w), terms, MPM, EXACT)
 
     αm, αf = alphas(ρ, w)
 
@@ -250,10 +252,8 @@ def test_points_take_the_velocity_of_the_grids_rule(mapping, stepping):
     have."""
     grid = Grid.box((0, 0), (3, 3), (6, 6))
     body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0))
-    factor = {"ksp_type": "preonly", "pc_type": "lu"}
-    run = Simulation(
-        grid, body, stepping, [Gravity(lambda t: (t, 2.0 * t))], mapping, solver=factor
-    )
+    factor = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
+    run = Simulation(grid, body, stepping, [Gravity(lambda t: (t, 2.0 * t))], mapping, factor)
     for _ in range(10):
         run.step()
         v, a = run.motion.end()

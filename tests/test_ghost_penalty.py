@@ -1,6 +1,8 @@
 """Ghost penalty: what it does not touch, what it is by hand, and that light nodes stay where the
 others are."""
 
+from dataclasses import replace
+
 import dense
 import numpy as np
 import pytest
@@ -18,8 +20,9 @@ from mpm_fenicsx import (
     Newmark,
     QuasiStatic,
     Simulation,
+    Solver,
     Traction,
-    Viscous,
+    ViscousBoundary,
 )
 
 SOIL = dense.SOIL
@@ -100,14 +103,9 @@ def test_a_body_in_free_flight_stays_as_it_is(dim, mapping):
     body = run.bodies[0]
     surface = body.surface("right")
     surface.x[:, 0] += 1e-6 * H
-    run = Simulation(
-        run.grid,
-        body,
-        run.stepping,
-        [Traction(surface, (0.0,) * dim), *CURE],
-        mapping,
-        solver={"ksp_type": "preonly", "pc_type": "lu"},
-    )
+    factor = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
+    load = Traction(surface, (0.0,) * dim)
+    run = Simulation(run.grid, body, run.stepping, [load, *CURE], mapping, factor)
     v = np.array([1.0, 0.17, -0.05])[:dim] * H / DT
     body.velocity[:] = v
     start = body.x.copy()
@@ -245,9 +243,8 @@ def test_nodes_that_only_a_dashpot_reaches_stay_with_the_body():
             run.grid,
             body,
             run.stepping,
-            [Viscous(surface, SOIL), *terms],
-            DM_GC,
-            hold_cut_cells=hold,
+            [ViscousBoundary(surface, SOIL), *terms],
+            replace(DM_GC, hold_cut_cells=hold),
         )
         run.step()
         moved[name] = np.abs(run.motion.u.x.array).max()

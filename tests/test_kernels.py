@@ -79,9 +79,8 @@ def test_spans_of_points_worked_by_hand():
     cell = np.array([0, 0, 1, 1, 0, 0], np.int32)
     side, span, share = np.zeros((6, 1), np.int8), np.zeros((6, 1, 2, 2)), np.zeros((6, 1, 2))
     first, line, slope = np.zeros(6, np.uint64), np.zeros((6, 1, 3)), np.zeros((6, 1, 3))
-    kernels.place(
-        (0,), x, half, cell, lower, upper, neighbour, side, span, share, first, line, slope
-    )
+    cells, cut, weights = (lower, upper, neighbour), (side, span, share), (first, line, slope)
+    kernels.place((0,), (x, half, cell), cells, cut, weights)
     assert side.ravel().tolist() == [0, 1, -1, 0, 1, 0]
     own = [[0.25, 0.75], [0.7, 1.0], [0.0, 0.3], [0.7, 1.0], [0.4, 1.0], [0.3, 0.3]]
     np.testing.assert_allclose(span[:, 0, 0], own, rtol=0, atol=1e-15)

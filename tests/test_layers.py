@@ -21,16 +21,14 @@ from mpm_fenicsx import (
     Newton,
     QuasiStatic,
     Simulation,
+    Solver,
     Traction,
     VonMises,
 )
 
 LOAD, YOUNG, H = 500.0, 20e6, 0.25  # Pa, Pa of the softest, m
 WITH_DOMAINS = pytest.mark.parametrize("mapping", [DM_GC, DM_GCL, GIMP, DM_G], ids=str)
-EXACT = {
-    "solver": {"ksp_type": "preonly", "pc_type": "cholesky"},
-    "newton": Newton(tolerance=1e-12),
-}
+EXACT = Solver(newton=Newton(tolerance=1e-12), petsc={"ksp_type": "preonly", "pc_type": "cholesky"})
 
 
 def columns(laws, dim=2, width=1.0):
@@ -57,7 +55,7 @@ def pressed(laws, mapping, dim=2):
     grid, bodies, terms, top = columns(laws, dim)
     load = np.zeros(dim)
     load[-1] = -LOAD
-    run = Simulation(grid, bodies, QuasiStatic(1), [*terms, Traction(top, load)], mapping, **EXACT)
+    run = Simulation(grid, bodies, QuasiStatic(1), [*terms, Traction(top, load)], mapping, EXACT)
     run.until(1.0)
     run.settle(1e-12)
     return bodies
@@ -105,7 +103,7 @@ def test_bodies_side_by_side_under_one_strain(mapping):
     ]
     terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")]
     terms += [Traction(body.surface("top"), (0.0, -5e-6 * body.material.young)) for body in bodies]
-    run = Simulation(grid, bodies, QuasiStatic(1), terms, mapping, **EXACT)
+    run = Simulation(grid, bodies, QuasiStatic(1), terms, mapping, EXACT)
     run.until(1.0)
     run.settle(1e-12)
     for body in bodies:
@@ -120,11 +118,10 @@ def test_layers_at_rest_stay_at_rest_in_dynamics(mapping):
     laws = [LinearElastic(100.0 * YOUNG, 0.25, 2000.0), LinearElastic(YOUNG, 0.25, 1500.0)]
     grid, bodies, terms, top = columns(laws)
     terms.append(Traction(top, (0.0, -LOAD)))
-    Simulation(grid, bodies, QuasiStatic(1), terms, mapping, **EXACT).until(1.0)
-    Simulation(grid, bodies, QuasiStatic(1), terms, mapping, **EXACT).settle(1e-12)
-    run = Simulation(
-        grid, bodies, Newmark(1e-3), terms, mapping, solver={"ksp_type": "cg", "ksp_rtol": 1e-13}
-    )
+    Simulation(grid, bodies, QuasiStatic(1), terms, mapping, EXACT).until(1.0)
+    Simulation(grid, bodies, QuasiStatic(1), terms, mapping, EXACT).settle(1e-12)
+    solver = Solver(petsc={"ksp_type": "cg", "ksp_rtol": 1e-13})
+    run = Simulation(grid, bodies, Newmark(1e-3), terms, mapping, solver)
     run.until(0.03)
     impedance = laws[1].density * laws[1].p_speed
     assert off(bodies, 1) < 1e-8
@@ -168,9 +165,8 @@ def test_layers_bear_their_own_weight(mapping):
     composite patch is constant in them."""
     laws = [LinearElastic(100.0 * YOUNG, 0.25, 2200.0), LinearElastic(YOUNG, 0.25, 1500.0)]
     grid, bodies, terms, _ = columns(laws)
-    run = Simulation(
-        grid, bodies, QuasiStatic(1), [*terms, Gravity((0.0, -9.81))], mapping, **EXACT
-    )
+    terms.append(Gravity((0.0, -9.81)))
+    run = Simulation(grid, bodies, QuasiStatic(1), terms, mapping, EXACT)
     row = [np.floor(body.x[:, 1] / H).astype(int) for body in bodies]
     lower, upper = ((np.unique(at) + 0.5) * H for at in row)
     run.until(1.0)

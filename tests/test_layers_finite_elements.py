@@ -27,8 +27,9 @@ from mpm_fenicsx import (
     QuasiStatic,
     Simulation,
     Snapshots,
+    Solver,
     Traction,
-    Viscous,
+    ViscousBoundary,
     VonMises,
 )
 from mpm_fenicsx.grid.cells import SIDES
@@ -36,7 +37,7 @@ from mpm_fenicsx.grid.partition import distribute
 from mpm_fenicsx.response.cell_materials import CellMaterials
 
 LOAD, G = 500.0, 9.81
-STIFFLY = Newton(tolerance=1e-12)
+STIFFLY = Solver(newton=Newton(tolerance=1e-12))
 ENDS = {2: ("bottom", "top"), 3: ("back", "front")}
 BOTH_WAYS = pytest.mark.parametrize("way", ["bodies", "regions"])
 DIMS = pytest.mark.parametrize("dim", [2, 3])
@@ -281,7 +282,7 @@ def reflected(lower, cells):
         Newmark(0.2 * h / c1),
         [
             Fixed(grid.facets("left", "right"), "x"),
-            Viscous(grid.facets("bottom"), lower),
+            ViscousBoundary(grid.facets("bottom"), lower),
             Traction(grid.facets("top"), lambda t: (0.0, -p(t))),
         ],
     )
@@ -331,7 +332,7 @@ def test_a_layer_that_yields_between_others_flows_alone(dim, b_bar):
     assert limit[0] < 0.5 * limit[1]
     for load in (0.999 * limit[0], 1.5 * limit[0], 1.2 * limit[1]):
         run = layers.run(
-            QuasiStatic(3), [*layers.rollers(), layers.pushed(load)], newton=STIFFLY, b_bar=b_bar
+            QuasiStatic(3), [*layers.rollers(), layers.pushed(load)], solver=STIFFLY, b_bar=b_bar
         )
         run.until(1.0)
         stress, of = layers.across(run)
@@ -371,7 +372,7 @@ def test_a_law_that_softens_by_its_cell_looks_at_its_own_cells_alone():
             Fixed(grid.facets("bottom")),
             Traction(grid.facets("top"), lambda t: (0.0, -load * t)),
         ],
-        newton=STIFFLY,
+        solver=STIFFLY,
     )
     run.until(1.0)
     μ, h = law.lame[1], law.softening
@@ -402,7 +403,7 @@ def stretched(law, load):
 def test_hencky_layers_take_their_stretches_beside_one_of_small_strain(dim, way):
     laws = [*soils(2, 3.0, Hencky), LinearElastic(30e6, 0.3, 1500.0)]
     layers, load = Layers(laws, dim, way=way), 7e6
-    run = layers.run(QuasiStatic(6), [*layers.rollers(), layers.pushed(load)], newton=STIFFLY)
+    run = layers.run(QuasiStatic(6), [*layers.rollers(), layers.pushed(load)], solver=STIFFLY)
     run.until(1.0)
     λ = np.array([stretched(law, load) for law in laws[:2]])
     assert λ[0] < 0.8
@@ -424,7 +425,7 @@ def test_finite_plastic_layers_flow_as_each_alone():
     moved = []
     for chosen in (laws, *([law] for law in laws)):
         layers = Layers(chosen)
-        run = layers.run(QuasiStatic(10), [*layers.rollers(), layers.pushed(1.5e6)], newton=STIFFLY)
+        run = layers.run(QuasiStatic(10), [*layers.rollers(), layers.pushed(1.5e6)], solver=STIFFLY)
         run.until(1.0)
         moved.append(layers.moved(run).min())
         if len(chosen) > 1:
@@ -446,7 +447,7 @@ def test_layers_with_forces_balanced_inside_the_step_come_to_rest_exactly(law):
     run = layers.run(
         GeneralizedAlpha(0.5, spectral_radius=ρ, start=ρ),
         [*layers.rollers(), layers.pushed(lambda t: 3e5 * min(t, 1.0))],
-        newton=Newton(tolerance=1e-13),
+        solver=Solver(newton=Newton(tolerance=1e-13)),
     )
     run.until(40.0)
     expected = [
@@ -497,7 +498,7 @@ def test_laws_that_differ_by_round_off_are_as_one(elastic):
                 Fixed(grid.facets("bottom")),
                 Traction(grid.facets("top"), lambda t: (2e5 * t, -4e5 * t)),
             ],
-            newton=STIFFLY,
+            solver=STIFFLY,
         )
         energy = run.record(Energy())
         run.until(0.1)

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
-import manufactured
 import manufactured_causes
-from manufactured import BARS, Watch
 
 from mpm_fenicsx import DM_GC, GIMP, MPM
+from mpm_fenicsx.scenes import bar as bars
+from mpm_fenicsx.scenes.bar import BARS, Watch
 
 
 def errors(name, mapping, cells):
     bar = BARS[name]
     cell, dt = 1 / cells, bar.period / (4 * cells)
     run = (
-        manufactured.elements(bar, cell, dt)
+        bars.finite_elements(bar, cell, dt)
         if mapping is None
-        else manufactured.points(bar, mapping, cell, dt, 4, name == "random")
+        else bars.material_points(bar, mapping, cell, dt, 4, name == "random")
     )
     watch = Watch(run, bar)
     while run.steps < 4 * cells:
@@ -37,8 +37,8 @@ def orders(name, mapping, coarse=10):
 
 @pytest.mark.parametrize("jitter", [0.0, 0.3])
 def test_tiles_tile(jitter):
-    body = manufactured.tiles(manufactured.material(BARS["moving"]), 0.05, jitter)
-    assert body.volume.sum() == pytest.approx(manufactured.length * manufactured.height, rel=1e-13)
+    body = bars.tiles(bars.material(BARS["moving"]), 0.05, jitter)
+    assert body.volume.sum() == pytest.approx(bars.length * bars.height, rel=1e-13)
     row = body.x[:, 1] == body.x[0, 1]
     x, half = body.x[row, 0], body.half[row, 0]
     np.testing.assert_allclose((x + half)[:-1], (x - half)[1:], atol=1e-14)
@@ -48,18 +48,18 @@ def test_tiles_tile(jitter):
 @pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
 def test_a_bar_that_only_drifts_stays_as_it_is(mapping):
     bar = replace(BARS["moving"], amplitude=0.0)
-    run = manufactured.points(bar, mapping, 0.1, bar.period / 40, 4, random=True)
+    run = bars.material_points(bar, mapping, 0.1, bar.period / 40, 4, random=True)
     body, X = run.bodies[0], run.bodies[0].x.copy()
     run.until(bar.period)
     assert run.steps == 40
     np.testing.assert_allclose(body.x - X, [[0.2, 0.0]] * len(body), atol=1e-11)
-    assert np.abs(body.stress).max() < 1e-9 * manufactured.young
+    assert np.abs(body.stress).max() < 1e-9 * bars.young
 
 
 @pytest.mark.parametrize("name", ["moving", "large"])
 def test_the_watch_sees_nothing_where_nothing_is_wrong_and_one_percent_where_that_is(name):
     bar = BARS[name]
-    run = manufactured.points(bar, MPM, 0.1, bar.period / 40, 4, random=True)
+    run = bars.material_points(bar, MPM, 0.1, bar.period / 40, 4, random=True)
     right, wrong = Watch(run, bar), Watch(run, bar)
     body, X, run.steps = run.bodies[0], run.bodies[0].x[:, 0].copy(), 7
     body.stress[:, 0] = bar.stress(X, run.time)

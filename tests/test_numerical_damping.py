@@ -3,6 +3,7 @@ come out again."""
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,25 +12,16 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
 import numerical_damping
 from amplification_map import StepMap
-from numerical_damping_cases import (
-    AMPLITUDE,
-    Wave,
-    damping,
-    damping_far,
-    damping_ratio,
-    soil,
-    standing,
-)
+from numerical_damping_cases import damping, damping_far, damping_ratio, standing
 
 from mpm_fenicsx import DM_G, DM_GC, AccelerationCorrection
+from mpm_fenicsx.scenes.wave import AMPLITUDE, Wave, soil
 
 WAVES = [
     Wave(kind, direction, 0.41, 10, 0.5) for kind in "PS" for direction in ("axis", "diagonal")
 ]
-UNCORRECTED = {
-    "sweeps": 1,
-    "correction": AccelerationCorrection.OFF,
-}  # the step that the known figures are of
+OFF = AccelerationCorrection.OFF
+UNCORRECTED = replace(DM_GC, sweeps=1, correction=OFF)  # the step that the known figures are of
 EACH = pytest.mark.parametrize("wave", WAVES, ids=lambda wave: f"{wave.kind} {wave.direction}")
 
 
@@ -93,11 +85,11 @@ def test_it_is_the_size_of_the_steps_eigenvalue():
     """A bar of 5 cells, half a P wave: ζ = -ln|λ| T/2πΔt of the eigenvalue of one step near
     e^{iωΔt}."""
     wave = Wave("P", "axis", 0.25, 10, 0.5, half_waves=1)
-    run = standing(wave, {"mapping": DM_GC})
+    run = standing(wave, DM_GC)
     λ = np.linalg.eigvals(StepMap(run).matrix)
     mode = λ[np.argmin(np.abs(λ - np.exp(2j * np.arctan(np.pi * wave.dt / wave.period))))]
     expected = -100 * np.log(np.abs(mode)) * wave.period / (2 * np.pi * wave.dt)
-    assert damping(wave, {"mapping": DM_GC})["damping"] == pytest.approx(expected, rel=0.01)
+    assert damping(wave, DM_GC)["damping"] == pytest.approx(expected, rel=0.01)
 
 
 @pytest.mark.parametrize(
@@ -114,9 +106,8 @@ def test_it_is_the_size_of_the_steps_eigenvalue():
 def test_known_figures_of_shear_waves_come_out_again(mapping, direction, poisson, expected):
     """In %, 10 cells a wavelength, Courant 0.5.  Before nodes of known motion were known they were
     0.014, 0.226, 0.336, 0.043 and 0.126: sweeps then spoiled the neighbours of walls."""
-    found = damping(Wave("S", direction, poisson, 10, 0.5), {"mapping": mapping, **UNCORRECTED})[
-        "damping"
-    ]
+    plain = replace(mapping, sweeps=1, correction=OFF)
+    found = damping(Wave("S", direction, poisson, 10, 0.5), plain)["damping"]
     assert found == pytest.approx(expected, rel=0.02, abs=2e-4)
 
 

@@ -5,6 +5,7 @@ Tolerances are round-off times the size of what is summed, and for a step times 
 matrix.
 """
 
+from dataclasses import replace
 from itertools import product
 
 import dense
@@ -37,6 +38,7 @@ from mpm_fenicsx import (
     Newmark,
     Newton,
     Simulation,
+    Solver,
     VonMises,
     flip,
     trapezoidal,
@@ -49,7 +51,7 @@ from mpm_fenicsx.mapping.shape_functions import Stencil
 from mpm_fenicsx.materials.kinematics import FINITE_STRAIN
 
 WHOLE = [Phase.explicit, Phase.reuse, Phase.generate]
-DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
+EXACT = Solver(newton=Newton(tolerance=1e-13), petsc={"ksp_type": "preonly", "pc_type": "lu"})
 RUBBER = Hencky(young=20e6, poisson=0.25, density=1500.0)
 DIMS = pytest.mark.parametrize("dim", [2, 3], ids=["2D", "3D"])
 ALL = (*MAPPINGS, DM_GCL)
@@ -177,9 +179,8 @@ def test_the_deposit_gives_the_grid_the_momentum_of_the_points(dim, data, mappin
     """1ᵀM v = Σ m v, and the same of accelerations, however many sweeps; wherever points lie."""
     lines = data.draw(lines_of(dim))
     body = strewn_body(data.draw, lines, np.random.default_rng(seed))
-    run = Simulation(
-        grid_of(lines), body, Newmark(1e-3), [], mapping, sweeps=sweeps, hold_cut_cells=False
-    )
+    mapping = replace(mapping, sweeps=sweeps, hold_cut_cells=False)
+    run = Simulation(grid_of(lines), body, Newmark(1e-3), [], mapping)
     run.prepare(0.0, 1e-3)
     run.predict()
     for field, values in ((run.motion.v, body.velocity), (run.motion.a, body.acceleration)):
@@ -193,7 +194,7 @@ def test_the_deposit_gives_the_grid_the_momentum_of_the_points(dim, data, mappin
 # -- a step ----------------------------------------------------------------------------------------
 
 
-def stepped(lines, body, gravity, mapping, **keywords):
+def stepped(lines, body, gravity, mapping):
     """A copy of the body after a step at a Courant number of about one half."""
     fresh = MaterialPoints(
         body.material, body.x, body.half, body.volume, body.stress, body.velocity, body.acceleration
@@ -204,9 +205,7 @@ def stepped(lines, body, gravity, mapping, **keywords):
         Newmark(2e-3),
         [Gravity(tuple(gravity))],
         mapping,
-        solver=DIRECT,
-        newton=Newton(tolerance=1e-13),
-        **keywords,
+        EXACT,
     )
     run.step()
     return fresh
@@ -220,14 +219,10 @@ def test_a_step_keeps_the_momentum_of_a_free_body(dim, mapping, seed):
     its start."""
     rng = np.random.default_rng(seed)
     lines, body, _ = scene(dim, (SOIL, RUBBER)[rng.integers(2)], rng, on_lines=True)
-    after = stepped(
-        lines,
-        body,
-        np.zeros(dim),
-        mapping,
-        sweeps=rng.integers(4),
-        transfer=(trapezoidal, flip)[rng.integers(2)],
+    mapping = replace(
+        mapping, sweeps=rng.integers(4), transfer=(trapezoidal, flip)[rng.integers(2)]
     )
+    after = stepped(lines, body, np.zeros(dim), mapping)
     change = body.mass @ (after.velocity - body.velocity - 1e-3 * body.acceleration)
     assert np.abs(after.velocity - body.velocity).max() > 0.01
     np.testing.assert_allclose(
@@ -265,15 +260,14 @@ def test_a_step_elsewhere_and_on_the_move_is_the_same(dim, mapping, law, seed):
     c = 10 * rng.normal(size=dim)
     b = 100 * rng.normal(size=dim)
     Δt = 2e-3
-    sweeps, one = rng.integers(4), np.eye(dim)
+    mapping, one = replace(mapping, sweeps=rng.integers(4)), np.eye(dim)
     there = stepped(
         [line + by for line, by in zip(lines, s, strict=True)],
         in_frame(body, one, s, c, b),
         g + b,
         mapping,
-        sweeps=sweeps,
     )
-    here = stepped(lines, body, g, mapping, sweeps=sweeps)
+    here = stepped(lines, body, g, mapping)
     compare(there, in_frame(here, one, s + Δt * c + Δt**2 / 2 * b, c + Δt * b, b))
 
 

@@ -23,8 +23,8 @@ from mpm_fenicsx import (
     Simulation,
     SurfacePoints,
     Traction,
-    Viscoelastic,
-    Viscous,
+    ViscoelasticBoundary,
+    ViscousBoundary,
 )
 from mpm_fenicsx.mapping.shape_functions import Stencil
 from mpm_fenicsx.terms.reach import check_reach, partly_filled
@@ -59,8 +59,8 @@ def look(grid, terms, stepping=STEPPINGS["dynamic"], mapping=DM_GC, body=None):
 LOADS = {
     "Traction": lambda on: Traction(on, (0.0, -1.0, 0.0)[: dim_of(on)]),
     "DeadLoad": lambda on: DeadLoad(on, (0.0, -1.0, 0.0)[: dim_of(on)]),
-    "Viscous": lambda on: Viscous(on, dense.SOIL),
-    "Viscoelastic": lambda on: Viscoelastic(on, dense.SOIL, 3.0),
+    "ViscousBoundary": lambda on: ViscousBoundary(on, dense.SOIL),
+    "ViscoelasticBoundary": lambda on: ViscoelasticBoundary(on, dense.SOIL, 3.0),
 }
 
 
@@ -122,7 +122,10 @@ def test_what_acts_on_the_bodys_own_surface_is_never_in_doubt(dim, mapping):
                 inside=lambda x, s=shift: (x[0] > s) & (x[0] < 1.0 + s) & (x[1] < 1.0 - s),
             )
             look(
-                grid, [Viscous(body.surface("left", "top"), dense.SOIL)], mapping=mapping, body=body
+                grid,
+                [ViscousBoundary(body.surface("left", "top"), dense.SOIL)],
+                mapping=mapping,
+                body=body,
             )
         whole = MaterialPoints.fill(grid, dense.SOIL, 2**dim)
         look(
@@ -200,7 +203,7 @@ with warnings.catch_warnings(record=True) as heard:
     warnings.simplefilter("always")
     t.look(grid, [t.Traction(grid.facets("bottom"), (0.0, -1.0))])
     body = t.column(grid)
-    t.look(grid, [t.Viscous(body.surface("top", "left"), t.dense.SOIL)], body=body)
+    t.look(grid, [t.ViscousBoundary(body.surface("top", "left"), t.dense.SOIL)], body=body)
     assert t.partly_filled(grid, [t.column(grid)], [grid.find(t.column(grid).x)]) == 0
 assert ["1.25 of 3 m" in str(w.message) for w in heard] == [True], heard
 print("fine")

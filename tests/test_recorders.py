@@ -24,8 +24,8 @@ from mpm_fenicsx import (
     RunError,
     Simulation,
     Traction,
-    Viscoelastic,
-    Viscous,
+    ViscoelasticBoundary,
+    ViscousBoundary,
     VonMises,
 )
 from mpm_fenicsx.common import tensors
@@ -286,12 +286,12 @@ def shaken(kind, dim, size=1.0, soil=dense.SOIL, springs=True):
     side."""
     grid = dense.uneven(dim)
     terms = [
-        Viscous(grid.facets("left"), soil),
+        ViscousBoundary(grid.facets("left"), soil),
         Fixed(grid.facets("bottom")),
         Gravity(lambda t: size * np.sin(300 * t) * (np.arange(dim) + 1.0)),
         Traction(grid.facets("top"), lambda t, x: size * 1e3 * np.sin(200 * t) * x),
     ]
-    terms += [Viscoelastic(grid.facets("right"), soil, 2.0)] if springs else []
+    terms += [ViscoelasticBoundary(grid.facets("right"), soil, 2.0)] if springs else []
     return plastic.run_of(kind, grid, Newmark(1e-3), terms, law=soil, solver=DIRECT)
 
 
@@ -322,7 +322,11 @@ def test_the_balance_of_points_closes_to_a_share_at_small_strain(mapping):
             lambda t, x: -1e-1 * np.sin(20 * t) ** 2 * np.array([0.3, 1.0]) * x[:, :1],
         )
         run = Simulation(
-            grid, body, Newmark(1e-3), [Viscous(grid.facets("bottom"), soil), pulse], mapping
+            grid,
+            body,
+            Newmark(1e-3),
+            [ViscousBoundary(grid.facets("bottom"), soil), pulse],
+            mapping,
         )
         energy = run.record(Energy())
         run.until(0.06)
@@ -367,7 +371,7 @@ def test_plastic_work_is_where_the_energy_goes(kind):
         kind,
         grid,
         Newmark(1e-3),
-        [Fixed(grid.facets("bottom")), pulse, Viscous(grid.facets("left", "right"), law)],
+        [Fixed(grid.facets("bottom")), pulse, ViscousBoundary(grid.facets("left", "right"), law)],
         law=law,
     )
     energy = run.record(Energy())
@@ -428,7 +432,7 @@ def test_what_a_scene_does_not_have_stays_zero_and_costs_nothing():
 
 
 def test_what_was_recorded_before_an_error_is_kept():
-    run = plastic.static(None, steps=8, newton=Newton(iterations=2, cuts=0))
+    run = plastic.static(None, Newton(iterations=2, cuts=0), steps=8)
     energy, stress = run.record(Energy()), run.record(Probe("stress", (0.5, 0.5)))
     with pytest.raises(RunError):
         run.until(1.0)

@@ -25,8 +25,8 @@ from mpm_fenicsx import (
     Simulation,
     SurfacePoints,
     Traction,
-    Viscoelastic,
-    Viscous,
+    ViscoelasticBoundary,
+    ViscousBoundary,
 )
 from mpm_fenicsx.terms.load_functions import as_load
 
@@ -211,7 +211,7 @@ def test_terms_on_one_surface_share_its_patch(grid):
     body = MaterialPoints.fill(grid, dense.SOIL, 4)
     bottom, top = grid.facets("bottom"), body.surface("top")
     for on in (bottom, top):
-        scene.bind([Viscoelastic(on, dense.SOFT, 2.0)])[-1]
+        scene.bind([ViscoelasticBoundary(on, dense.SOFT, 2.0)])[-1]
         scene.bind([Traction(on, (1.0, 2.0))])[-1]
     assert len(scene.patches) == 2
     scene.prepare(0.0, 0.01)
@@ -230,7 +230,7 @@ def test_surface_points_follow_a_linear_motion_as_nanson_says():
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         on = SurfacePoints(x, normal, np.ones(7))
         scene = dense.bare_scene(grid, Newmark(0.01))
-        scene.bind([Viscous(on, dense.SOFT)])[-1]
+        scene.bind([ViscousBoundary(on, dense.SOFT)])[-1]
         scene.prepare(0.0, 0.01)
         H = 0.1 * rng.normal(size=(dim, dim))
         scene.motion.u.x.array[:] = dense.at_nodes(grid, lambda y, H=H: y @ H.T)
@@ -276,9 +276,9 @@ def test_a_static_scene_has_no_velocities(grid):
 def test_only_springs_make_surfaces_remember(grid):
     body = MaterialPoints.fill(grid, dense.SOIL, 4)
     for make, remembers in (
-        (lambda on: Viscous(on, dense.SOFT), False),
+        (lambda on: ViscousBoundary(on, dense.SOFT), False),
         (lambda on: Traction(on, (0.0, -1.0)), False),
-        (lambda on: Viscoelastic(on, dense.SOFT, 2.0), True),
+        (lambda on: ViscoelasticBoundary(on, dense.SOFT, 2.0), True),
     ):
         points, facets = body.surface("bottom"), grid.facets("bottom")
         run = Simulation(
@@ -315,7 +315,7 @@ def test_the_tangent_has_no_dashpots_without_a_dashpot(grid):
                 grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), terms
             ).contributions
         )
-        for terms in ([], [Viscous(grid.facets("bottom"), dense.SOFT)])
+        for terms in ([], [ViscousBoundary(grid.facets("bottom"), dense.SOFT)])
     ]
     assert forms == [2, 3]
 

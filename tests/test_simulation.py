@@ -1,6 +1,8 @@
 """Material point runs: rigid motions, momentum, free fall, patch tests, and what a step may
 cost."""
 
+from dataclasses import replace
+
 import dense
 import numpy as np
 import pytest
@@ -24,15 +26,16 @@ from mpm_fenicsx import (
     Newmark,
     QuasiStatic,
     Simulation,
+    Solver,
     Traction,
-    Viscoelastic,
+    ViscoelasticBoundary,
     flip,
     trapezoidal,
 )
 from mpm_fenicsx.grid import dolfinx_versions
 
 ZERO = InitialAcceleration.ZERO
-DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
+DIRECT = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
 CONTIGUOUS = (GIMP, DM_G, DM_GC)
 
 
@@ -68,7 +71,7 @@ def test_a_translation_across_cells_leaves_no_stress_and_all_momentum(dim, mappi
     v = np.array([7.0, 4.0, -1.5])[:dim]
     body.velocity = np.tile(v, (len(body), 1))
     start = body.x.copy()
-    run = Simulation(grid, body, Newmark(0.02), [], mapping, solver=DIRECT)
+    run = Simulation(grid, body, Newmark(0.02), [], mapping, DIRECT)
     run.until(0.26)
     moved = v * 0.26
     assert moved[0] > 3 * 0.5
@@ -96,7 +99,7 @@ def test_free_fall_is_exact(dim, mapping):
     start = [body.x.copy() for body in bodies]
     for body in bodies:
         body.acceleration = np.tile(g, (len(body), 1))  # it falls already
-    run = Simulation(grid, bodies, Newmark(dt), [Gravity(tuple(g))], mapping, solver=DIRECT)
+    run = Simulation(grid, bodies, Newmark(dt), [Gravity(tuple(g))], mapping, DIRECT)
     run.until(steps * dt)
     for body, x in zip(bodies, start, strict=True):
         np.testing.assert_allclose(body.velocity, np.tile(g * run.time, (len(body), 1)), rtol=1e-10)
@@ -117,9 +120,8 @@ def test_both_transfers_agree_while_the_motion_is_rigid(mapping):
             body,
             Newmark(0.02),
             [Gravity(lambda t: (30 * np.sin(9 * t), 20 * t))],
-            mapping,
-            transfer=transfer,
-            solver=DIRECT,
+            replace(mapping, transfer=transfer),
+            DIRECT,
         )
         run.until(0.4)
         found.append((body.x, body.velocity, body.acceleration))
@@ -145,16 +147,8 @@ def test_internal_stress_does_not_change_the_momentum_of_a_free_body(dim, mappin
     gave."""
     grid = wide(dim)
     body = stressed(grid, np.random.default_rng(2))
-    run = Simulation(
-        grid,
-        body,
-        Newmark(1e-3),
-        [],
-        mapping,
-        transfer=transfer,
-        solver=DIRECT,
-        sweeps=0 if transfer is flip else 1,
-    )
+    mapping = replace(mapping, sweeps=0 if transfer is flip else 1, transfer=transfer)
+    run = Simulation(grid, body, Newmark(1e-3), [], mapping, DIRECT)
     before = body.mass @ body.velocity
     scale = body.mass @ np.abs(body.velocity)
     for _ in range(3):
@@ -168,9 +162,8 @@ def test_internal_stress_does_not_change_the_momentum_of_a_free_body(dim, mappin
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_grid_gives_a_free_body_no_net_force(dim, mapping):
     grid = wide(dim)
-    run = Simulation(
-        grid, stressed(grid, np.random.default_rng(2)), Newmark(1e-3), [], mapping, solver=DIRECT
-    )
+    body = stressed(grid, np.random.default_rng(2))
+    run = Simulation(grid, body, Newmark(1e-3), [], mapping, DIRECT)
     run.step()
     motion = run.motion
     f = dense.vector(
@@ -242,12 +235,12 @@ def test_a_full_grid_starts_like_finite_elements(dim, mapping):
     body = dense.tiles(grid, np.random.default_rng(6))
     terms = [
         Fixed(grid.facets("left"), "x"),
-        Viscoelastic(grid.facets("bottom"), dense.SOFT, 2.0),
+        ViscoelasticBoundary(grid.facets("bottom"), dense.SOFT, 2.0),
         Traction(grid.facets("top"), lambda t, x: 1e3 * x),
         Gravity((1.0,) * dim),
     ]
     points = Simulation(
-        grid, body, Newmark(1e-3), terms, mapping, solver=DIRECT, initial_acceleration=ZERO
+        grid, body, Newmark(1e-3), terms, mapping, DIRECT, initial_acceleration=ZERO
     )
     twin = FiniteElements(grid, dense.SOIL, Newmark(1e-3), terms, initial_acceleration=ZERO)
     points.step()
@@ -273,7 +266,7 @@ class Counting:
         return getattr(self.ksp, name)
 
 
-def full_scene(stepping, mapping=DM_GC, **keywords):
+def full_scene(stepping, mapping=DM_GC):
     grid = dense.uneven(2)
     inside = {"inside": lambda x: x[0] > 0.3}
     body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.2, **inside)
@@ -285,21 +278,21 @@ def full_scene(stepping, mapping=DM_GC, **keywords):
         Traction(grid.facets("top"), lambda t: (0.0, -1e3 * t)),
     ]
     if stepping.dynamic:
-        terms.append(Viscoelastic(grid.facets("right"), dense.SOFT, 2.0))
-    return Simulation(grid, body, stepping, terms, mapping, **keywords)
+        terms.append(ViscoelasticBoundary(grid.facets("right"), dense.SOFT, 2.0))
+    return Simulation(grid, body, stepping, terms, mapping)
 
 
 @pytest.mark.parametrize(
-    ("stepping", "keywords", "solves"),
+    ("stepping", "mapping", "solves"),
     [
-        (QuasiStatic(4), {}, 1),
-        (Newmark(1e-4), {"correction": AccelerationCorrection.OFF}, 1),
-        (Newmark(1e-4), {"correction": AccelerationCorrection.IMPLICIT}, 2),
+        (QuasiStatic(4), DM_GC, 1),
+        (Newmark(1e-4), replace(DM_GC, correction=AccelerationCorrection.OFF), 1),
+        (Newmark(1e-4), replace(DM_GC, correction=AccelerationCorrection.IMPLICIT), 2),
     ],
     ids=["static", "dynamic", "corrected"],
 )
-def test_a_linear_scene_solves_once_a_step_and_once_to_correct_it(stepping, keywords, solves):
-    run = full_scene(stepping, **keywords)
+def test_a_linear_scene_solves_once_a_step_and_once_to_correct_it(stepping, mapping, solves):
+    run = full_scene(stepping, mapping)
     run.equilibrium.ksp = Counting(run.equilibrium.ksp)
     for step in range(1, 4):
         run.step()

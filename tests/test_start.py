@@ -1,6 +1,8 @@
 """The start of a dynamic run: accelerations from the balance of forces, motion that is known, a
 step that changes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from dolfinx import fem
@@ -32,8 +34,8 @@ from mpm_fenicsx import (
     RunError,
     Simulation,
     Traction,
-    Viscoelastic,
-    Viscous,
+    ViscoelasticBoundary,
+    ViscousBoundary,
 )
 from mpm_fenicsx.grid import dolfinx_versions
 
@@ -240,7 +242,9 @@ def test_dashpots_and_springs_count_at_the_start():
     grid, body = within(2)
     body.velocity = np.tile((0.0, -1e-3), (len(body), 1))
     surface = body.surface("bottom")
-    run = Simulation(grid, body, Newmark(1e-5), [Viscous(surface, SOIL)], MPM, sweeps=0)
+    run = Simulation(
+        grid, body, Newmark(1e-5), [ViscousBoundary(surface, SOIL)], replace(MPM, sweeps=0)
+    )
     run.begin()
     force = SOIL.density * SOIL.p_speed * surface.area.sum() * 1e-3
     assert body.mass @ body.acceleration[:, 1] == pytest.approx(force, rel=1e-9)
@@ -422,7 +426,7 @@ def sprung(kind, stepping):
             stepping,
             [
                 *sides,
-                Viscoelastic(grid.facets("bottom"), SOIL, 1.0),
+                ViscoelasticBoundary(grid.facets("bottom"), SOIL, 1.0),
                 Traction(grid.facets("top"), load),
             ],
         ), times
@@ -433,7 +437,7 @@ def sprung(kind, stepping):
         stepping,
         [
             *sides,
-            Viscoelastic(body.surface("bottom"), SOIL, 1.0),
+            ViscoelasticBoundary(body.surface("bottom"), SOIL, 1.0),
             Traction(body.surface("top"), load),
         ],
         kind,

@@ -24,8 +24,8 @@ from mpm_fenicsx import (
     Simulation,
     SurfacePoints,
     Traction,
-    Viscoelastic,
-    Viscous,
+    ViscoelasticBoundary,
+    ViscousBoundary,
     VonMises,
 )
 from mpm_fenicsx.analytical import waves
@@ -37,8 +37,8 @@ G = 9.81
 WALLS = {2: {"left": "x", "right": "x"}, 3: {"left": "x", "right": "x", "bottom": "y", "top": "y"}}
 BASE = {2: "bottom", 3: "back"}
 VISCOUS = {
-    "viscous": lambda on: Viscous(on, SOIL),
-    "viscoelastic": lambda on: Viscoelastic(on, SOIL, 20.0),
+    "viscous": lambda on: ViscousBoundary(on, SOIL),
+    "viscoelastic": lambda on: ViscoelasticBoundary(on, SOIL, 20.0),
 }
 
 
@@ -135,7 +135,9 @@ def test_in_3d_nothing_moves_either(mapping):
     column = RestingColumn(mapping, dim=3, height=1.0, h=0.5)
     surfaces = column.surfaces(walls=True)
     run = column.release(
-        surfaces, column.static.reactions(*surfaces) + [Viscous(s, SOIL) for s in surfaces], dt=5e-3
+        surfaces,
+        column.static.reactions(*surfaces) + [ViscousBoundary(s, SOIL) for s in surfaces],
+        dt=5e-3,
     )
     run.until(0.25)
     assert np.abs(column.velocity(run)).max() < 1e-9 * column.speed
@@ -155,7 +157,7 @@ def test_without_its_reactions_the_column_drifts(mapping, scatter):
     """
     column = RestingColumn(mapping)
     surfaces = column.surfaces(walls=False)
-    run = column.release(surfaces, [Viscous(s, SOIL) for s in surfaces])
+    run = column.release(surfaces, [ViscousBoundary(s, SOIL) for s in surfaces])
     run.until(0.2)
     assert run.time > 3 * (2 * column.height / SOIL.p_speed)
     found = column.velocity(run)[:, 1]
@@ -265,13 +267,14 @@ def test_carried_tractions_add_to_others_on_the_same_surface():
     column = RestingColumn()
     [base] = surfaces = column.surfaces(walls=False)
     run = column.release(
-        surfaces, [*column.static.reactions(base), Traction(base, pulse), Viscous(base, SOIL)]
+        surfaces,
+        [*column.static.reactions(base), Traction(base, pulse), ViscousBoundary(base, SOIL)],
     )
     alone = FiniteElements(
         column.grid,
         SOIL,
         Newmark(1e-3),
-        [*column._rollers(column.grid), Traction(base, pulse), Viscous(base, SOIL)],
+        [*column._rollers(column.grid), Traction(base, pulse), ViscousBoundary(base, SOIL)],
     )
     energy = run.record(Energy())
     run.until(0.05)
@@ -302,7 +305,7 @@ def test_settling_reaches_what_one_solve_leaves(rng):
 def test_an_elastic_scene_does_not_pay_for_settling():
     column = RestingColumn(DM_GC)
     surfaces = column.surfaces(walls=False)
-    run = column.release(surfaces, [Viscous(s, SOIL) for s in surfaces])
+    run = column.release(surfaces, [ViscousBoundary(s, SOIL) for s in surfaces])
     run.step()
     assert "_forces" not in vars(run.equilibrium)
 
@@ -321,7 +324,7 @@ def test_yielded_elements_go_on_as_they_are():
         grid,
         weak,
         Newmark(1e-3),
-        [load, *static.reactions(*edges), *(Viscous(edge, SOIL) for edge in edges)],
+        [load, *static.reactions(*edges), *(ViscousBoundary(edge, SOIL) for edge in edges)],
         start=static,
     )
     run.until(0.05)
@@ -417,7 +420,7 @@ def strip_of_soil(mapping, shift, h=0.25, dt=1e-3):
         Newmark(dt),
         [
             Fixed(grid.facets("left", "right"), "x"),
-            Viscous(base, SOIL),
+            ViscousBoundary(base, SOIL),
             Traction(top, lambda t: (0.0, -load(t))),
         ],
         mapping,
@@ -454,7 +457,7 @@ def test_carried_tractions_move_with_their_surface(mapping):
     carried = column.static.reactions(*surfaces)
     for moved in (column.points, *surfaces):
         moved.x += np.array([0.25, -0.25])
-    run = column.release(surfaces, carried + [Viscous(s, SOIL) for s in surfaces])
+    run = column.release(surfaces, carried + [ViscousBoundary(s, SOIL) for s in surfaces])
     run.until(0.1)
     assert np.abs(column.points.velocity).max() < 1e-9 * column.speed
 
@@ -465,7 +468,7 @@ def test_a_dashpot_just_over_a_corner_keeps_the_matrix_exact_in_its_smallest_row
     grid = Grid.box((0, 0), (3, 3), (3, 3))
     on = SurfacePoints([[2 - beyond, 1 + beyond]], [[0.6, 0.8]], [1.0])
     scene = dense.bare_scene(grid, Newmark(1e-2))
-    work = scene.bind([Viscous(on, SOIL)])[-1].work
+    work = scene.bind([ViscousBoundary(on, SOIL)])[-1].work
     scene.prepare(0.0, 1e-2)
     K = dense.matrix(ufl.derivative(work, scene.motion.u, ufl.TrialFunction(grid.space)))
     N = dense.hats(grid, on.x)

@@ -18,16 +18,17 @@ from mpm_fenicsx import (
     QuasiStatic,
     RunError,
     Simulation,
+    Solver,
     SurfacePoints,
     Traction,
-    Viscoelastic,
-    Viscous,
+    ViscoelasticBoundary,
+    ViscousBoundary,
 )
 from mpm_fenicsx.grid import dolfinx_versions
 
 DT = 0.01
 STEPPING = Newmark(DT)
-DIRECT = {"ksp_type": "preonly", "pc_type": "lu"}
+DIRECT = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
 
 
 @pytest.fixture
@@ -68,8 +69,8 @@ def markers(grid, rng, n=9):
 # -- facets against surface points -----------------------------------------------------------------
 
 TERMS = {
-    "viscous": lambda on: Viscous(on, dense.SOFT),
-    "viscoelastic": lambda on: Viscoelastic(on, dense.SOFT, 3.0),
+    "viscous": lambda on: ViscousBoundary(on, dense.SOFT),
+    "viscoelastic": lambda on: ViscoelasticBoundary(on, dense.SOFT, 3.0),
     "constant traction": lambda on: Traction(on, tuple(np.arange(on_dim(on)) + 1.5)),
     "traction of time": lambda on: Traction(
         on, lambda t: np.sin(t) * (np.arange(on_dim(on)) + 1.5)
@@ -113,7 +114,7 @@ def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
     found = []
     for on in surfaces:
         scene = dense.bare_scene(grid, STEPPING)
-        work = scene.bind([Viscoelastic(on, dense.SOFT, 3.0)])[-1].work
+        work = scene.bind([ViscoelasticBoundary(on, dense.SOFT, 3.0)])[-1].work
         for u in increments:
             scene.prepare(0.0, DT)
             scene.motion.u.x.array[:] = u
@@ -131,7 +132,7 @@ def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
 def test_dashpots_on_turned_surface_points_are_the_sum_by_hand(dim, rng):
     grid = dense.uneven(dim)
     on = markers(grid, rng)
-    _, K, _ = system(grid, Viscous(on, dense.SOFT))
+    _, K, _ = system(grid, ViscousBoundary(on, dense.SOFT))
     N = dense.hats(grid, on.x)
     Zp, Zs = (dense.SOFT.density * c for c in (dense.SOFT.p_speed, dense.SOFT.s_speed))
     nn = on.normal[:, :, None] * on.normal[:, None, :]
@@ -149,7 +150,7 @@ def test_a_uniform_velocity_meets_the_impedances(dim, rng):
         across = rng.normal(size=dim)
         across -= across @ n * n
         scene = dense.bare_scene(grid, STEPPING)
-        work = scene.bind([Viscous(on, dense.SOFT)])[-1].work
+        work = scene.bind([ViscousBoundary(on, dense.SOFT)])[-1].work
         scene.prepare(0.0, DT)
         for v, speed in ((n, dense.SOFT.p_speed), (across, dense.SOFT.s_speed)):
             scene.motion.nodal(scene.motion.u)[:] = (
@@ -162,7 +163,11 @@ def test_a_uniform_velocity_meets_the_impedances(dim, rng):
 
 
 @pytest.mark.parametrize(
-    "make", [lambda on: Viscous(on, dense.SOFT), lambda on: Viscoelastic(on, dense.SOFT, 2.0)]
+    "make",
+    [
+        lambda on: ViscousBoundary(on, dense.SOFT),
+        lambda on: ViscoelasticBoundary(on, dense.SOFT, 2.0),
+    ],
 )
 def test_turning_the_normal_turns_the_force(make, rng):
     grid = dense.uneven(3)
@@ -176,7 +181,10 @@ def test_turning_the_normal_turns_the_force(make, rng):
 def test_springs_add_their_stiffness(dim, rng):
     grid = dense.uneven(dim)
     on, r = markers(grid, rng), 1.7
-    K = system(grid, Viscoelastic(on, dense.SOFT, r))[1] - system(grid, Viscous(on, dense.SOFT))[1]
+    K = (
+        system(grid, ViscoelasticBoundary(on, dense.SOFT, r))[1]
+        - system(grid, ViscousBoundary(on, dense.SOFT))[1]
+    )
     G = dense.SOFT.young / (2 * (1 + dense.SOFT.poisson))
     nn = on.normal[:, :, None] * on.normal[:, None, :]
     k = 2 * G / r * nn + G / (2 * r) * (np.eye(dim) - nn)
@@ -205,7 +213,11 @@ def test_a_stiff_block_on_springs_and_dashpots_is_an_oscillator(where, direction
 
     keep = Fixed(grid.facets("left", "right"), "x") if direction else Fixed(grid.facets("top"), "y")
     run = Simulation(
-        grid, body, Newmark(dt), [keep, Gravity(push), Viscoelastic(on, rock, r)], solver=DIRECT
+        grid,
+        body,
+        Newmark(dt),
+        [keep, Gravity(push), ViscoelasticBoundary(on, rock, r)],
+        solver=DIRECT,
     )
     start = body.x.copy()
     G = rock.lame[1]

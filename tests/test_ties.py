@@ -1,10 +1,11 @@
 """Light nodes of cut cells: what ties keep, and that bodies of any shape come to rest and stay
 there."""
 
+from dataclasses import replace
+
 import dense
 import numpy as np
 import pytest
-from slopes import BODIES, SOIL, WEAK, WEAK_BLOCK, AtRest
 
 from mpm_fenicsx import (
     DM_G,
@@ -21,13 +22,14 @@ from mpm_fenicsx import (
     QuasiStatic,
     RunError,
     Simulation,
-    Viscous,
+    ViscousBoundary,
 )
+from mpm_fenicsx.scenes.slope import BODIES, SOIL, WEAK, WEAK_BLOCK, AtRest
 
 MAPPINGS = [GIMP, DM_G, DM_GC, DM_GCL]
 
 
-def cut_block(dim, cut, stepping, terms=(), mapping=DM_GC, soil=SOIL, **options):
+def cut_block(dim, cut, stepping, terms=(), mapping=DM_GC, soil=SOIL):
     """Three cells each way and ``cut`` of a cell more, with room around, on lines that are not
     even."""
     lines = np.array([-0.5, -0.25, 0.0, 0.25, 0.55, 0.75, 1.0, 1.25])
@@ -37,9 +39,7 @@ def cut_block(dim, cut, stepping, terms=(), mapping=DM_GC, soil=SOIL, **options)
     )
     body.x += cut * 0.25
     body.stress[:, 2] = 1e-9  # a body that bears stress is one at rest, to be tied like one
-    run = Simulation(
-        grid, body, stepping, [Gravity((0.0, -9.81, 0.0)[:dim]), *terms], mapping, **options
-    )
+    run = Simulation(grid, body, stepping, [Gravity((0.0, -9.81, 0.0)[:dim]), *terms], mapping)
     run.prepare(0.0, 1e-3)
     return run
 
@@ -87,7 +87,7 @@ def test_where_no_cell_is_cut_there_is_nothing():
     assert run.equilibrium.matrix.getType().endswith("baij")
     for other in (
         cut_block(2, 0.3, Newmark(1e-3), [GhostPenalty()]),
-        cut_block(2, 0.3, Newmark(1e-3), hold_cut_cells=False),
+        cut_block(2, 0.3, Newmark(1e-3), mapping=replace(DM_GC, hold_cut_cells=False)),
     ):
         assert other.holding is None and other.equilibrium.ties is None
 
@@ -163,7 +163,7 @@ def test_left_alone_a_slope_does_not_settle_and_says_where():
         body,
         QuasiStatic(1),
         [Gravity((0.0, -9.81)), Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"))],
-        hold_cut_cells=False,
+        replace(DM_GC, hold_cut_cells=False),
     )
     run.step()
     with pytest.raises(RunError, match=r"out of balance by .* after 40 steps .* N at the node x="):
@@ -188,7 +188,7 @@ def test_dashpots_that_drift_over_a_line_use_ties_and_leave_them():
         Newmark(1e-3),
         [
             Fixed(grid.facets("left", "right"), "x"),
-            Viscous(body.surface("bottom"), LinearElastic(1e2, 0.0, 1.0)),
+            ViscousBoundary(body.surface("bottom"), LinearElastic(1e2, 0.0, 1.0)),
         ],
     )
     tied = []

@@ -56,7 +56,7 @@ def scene(dim, mapping, sweeps, rng):
             (dense.SOFT, lambda x: (x[0] > 0.5) & (x[1] < 0.15)),
         )
     ]
-    return Simulation(grid, bodies, Newmark(1e-3), [], mapping, sweeps=sweeps)
+    return Simulation(grid, bodies, Newmark(1e-3), [], replace(mapping, sweeps=sweeps))
 
 
 @SWEEPS
@@ -132,7 +132,7 @@ def test_a_linear_field_comes_back_where_the_points_around_a_node_are_even_and_n
     body = MaterialPoints.fill(grid, dense.SOIL, 9)
     A = np.array([[1.0, -2.0], [0.5, 3.0]])
     body.velocity = body.x @ A.T
-    v, _, _ = deposited(Simulation(grid, body, Newmark(1e-3), [], GIMP, sweeps=sweeps))
+    v, _, _ = deposited(Simulation(grid, body, Newmark(1e-3), [], replace(GIMP, sweeps=sweeps)))
     x = grid.space.tabulate_dof_coordinates()[:, :2]
     depth = np.minimum(x, 10 - x).min(axis=1)
     error = np.abs(v - x @ A.T).max(axis=1)
@@ -144,7 +144,7 @@ def roundtrip(mapping, sweeps, jitter):
     """Error of a wave of 8 cells that went from the grid to the points and is deposited again."""
     grid = Grid.box((0, 0), (16, 1), (16, 1))
     body = MaterialPoints.fill(grid, dense.SOIL, 16, jitter=jitter)
-    run = Simulation(grid, body, Newmark(1e-3), [], mapping, sweeps=sweeps)
+    run = Simulation(grid, body, Newmark(1e-3), [], replace(mapping, sweeps=sweeps))
     run.locate()
     wave = np.cos(2 * np.pi / 8 * grid.space.tabulate_dof_coordinates()[:, :1]) * np.array(
         [[1.0, 0.0]]
@@ -223,10 +223,8 @@ def test_a_body_that_falls_with_constant_acceleration_is_where_it_should_be(
         body,
         Newmark(dt),
         [Gravity(tuple(g))],
-        mapping,
-        transfer=transfer,
-        sweeps=sweeps,
-        solver=plastic.DIRECT,
+        replace(mapping, sweeps=sweeps, transfer=transfer),
+        plastic.DIRECT,
     )
     run.until(8 * dt)
     np.testing.assert_allclose(body.velocity, np.tile(8 * dt * g, (len(body), 1)), rtol=1e-8)
@@ -250,7 +248,7 @@ def test_sweeps_are_paid_for_only_where_they_are_asked_for(monkeypatch):
             MaterialPoints.fill(grid, dense.SOIL, 4),
             Newmark(1e-3),
             [Fixed(grid.facets("bottom"))],
-            sweeps=sweeps,
+            replace(DM_GC, sweeps=sweeps),
         )
         counts.append(len(compiled))
         assert hasattr(run.deposit, "_smooth") is bool(sweeps)
@@ -259,6 +257,5 @@ def test_sweeps_are_paid_for_only_where_they_are_asked_for(monkeypatch):
 
 @pytest.mark.parametrize("sweeps", [-1, 0.5, "many"])
 def test_refusals(sweeps):
-    grid = dense.uneven(2)
     with pytest.raises(ValueError, match=f"sweeps must be a .*got {sweeps!r}"):
-        Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [], sweeps=sweeps)
+        replace(DM_GC, sweeps=sweeps)

@@ -9,7 +9,7 @@ import dense
 import numpy as np
 import plastic
 import pytest
-from plastic import DIRECT, ELASTIC, LAW, STIFFLY
+from plastic import ELASTIC, EXACT, LAW, STIFFLY
 from test_ranks import difference, environment, mpiexec
 
 from mpm_fenicsx import (
@@ -27,6 +27,7 @@ from mpm_fenicsx import (
     Newmark,
     QuasiStatic,
     Simulation,
+    Solver,
     Traction,
     VonMises,
 )
@@ -154,9 +155,7 @@ def test_the_first_plastic_step_of_a_full_grid_is_that_of_finite_elements(dim, m
             if mapping.support
             else MaterialPoints.fill(grid, LAW, 2**dim)
         )
-        run = plastic.run_of(
-            kind, grid, QuasiStatic(1), plastic.loads(grid), body, newton=STIFFLY, solver=DIRECT
-        )
+        run = plastic.run_of(kind, grid, QuasiStatic(1), plastic.loads(grid), body, solver=EXACT)
         run.step()
         assert run.yielding.active
         assert run.equilibrium.solves > 2
@@ -172,7 +171,7 @@ def at_unrest(kind, grid, seed=7, half=1.0):
     ready."""
     rng = np.random.default_rng(seed)
     if kind is None:
-        run = FiniteElements(grid, LAW, Newmark(0.1), [], newton=STIFFLY)
+        run = FiniteElements(grid, LAW, Newmark(0.1), [], solver=Solver(newton=STIFFLY))
         plastic.unrest(rng, run.yielding.state, run.yielding.history)
         run.yielding._elastic[:] = run.yielding.state + 1e3 * rng.normal(
             size=run.yielding.state.shape
@@ -309,7 +308,7 @@ def test_far_below_yield_it_is_the_elastic_scene(kind):
 
 @pytest.mark.parametrize("kind", [None, MPM, DM_G, DM_GC], ids=name)
 def test_newton_converges_quadratically(kind):
-    run = plastic.static(kind, newton=STIFFLY)
+    run = plastic.static(kind, STIFFLY)
     norms = plastic.residuals(run)
     run.step()
     assert run.yielding.active
@@ -343,7 +342,7 @@ def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
             Fixed(grid.facets(base), "xyz"[up]),
             Traction(grid.facets(top), lambda t: load * np.sin(np.pi * t)),
         ],
-        newton=STIFFLY,
+        solver=Solver(newton=STIFFLY),
     )
     stress, history, before = np.zeros((1, tensors.components(dim))), np.zeros((1, 1)), 0.0
     for _ in range(10):
@@ -403,15 +402,7 @@ def test_two_bodies_of_one_law_are_one_and_an_elastic_one_has_no_history(mapping
     def solved(*halves):
         grid = dense.uneven(2)
         bodies = [MaterialPoints.fill(grid, law, 4, inside=inside) for law, inside in halves]
-        run = Simulation(
-            grid,
-            bodies,
-            QuasiStatic(2),
-            plastic.loads(grid),
-            mapping,
-            newton=STIFFLY,
-            solver=DIRECT,
-        )
+        run = Simulation(grid, bodies, QuasiStatic(2), plastic.loads(grid), mapping, EXACT)
         run.until(1.0)
         return bodies
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from itertools import combinations
 
 import numpy as np
 
@@ -53,7 +54,7 @@ class Contact(Run):
         bodies = pairs_of(bodies, Simulation, SurfacePoints)
         runs = self.runs = [run for run, _ in bodies]
         first = runs[0]
-        if len({id(run) for run in runs}) < len(runs):
+        if any(a is b for a, b in combinations(runs, 2)):
             raise ValueError("bodies: a run is named twice; give it one surface of several sides")
         for run in runs[1:]:
             if run.grid is not first.grid:
@@ -70,7 +71,7 @@ class Contact(Run):
         patches = [run.scene.patch(surface) for run, surface in bodies]
         self.gaps = Gaps(patches)
         can = next((run for run in runs if run.yielding is not None), first)
-        self.yielding, self.equilibrium = can.yielding, can.equilibrium
+        self.yielding, self.equilibrium, self.solver = can.yielding, can.equilibrium, can.solver
         self.forces = np.zeros((len(runs), self.grid.dim))
         self.bodies = [body for run in runs for body in run.bodies]
         self._hair = HAIR * (first.grid.lattice.upper - first.grid.lattice.lower).min()
@@ -258,9 +259,8 @@ class Contact(Run):
         """Whether a place (dim,), m, lies in one of the bodies."""
         return any(run.holds(at) for run in self.runs)
 
-    @property
-    def contributions(self) -> list:
-        """None: their forms are integrals over one body each."""
+    def term_energies(self) -> dict[str, object]:
+        """Raises ``ValueError``: forms are integrals over one body each."""
         raise ValueError("Energy is of one body: record it on each of the runs")
 
     def energy(self) -> dict[str, float]:

@@ -60,10 +60,8 @@ class Touching:
         self.normal, gap, at = n[pick], gap[pick], at[pick]
         self._opposite(own.x[near] - gap[:, None] * self.normal, self.faces.stencil.cell[at])
         self._share()
-        self.gap, self.λ = (
-            self._mean @ gap,
-            self._hats @ self.force[near],
-        )  # λ of the last step, or near it
+        self.gap = self._mean @ gap
+        self.λ = self._hats @ self.force[near]  # that of the last step, or near it
 
     def _opposite(self, y: np.ndarray, cell: np.ndarray) -> None:
         """Weights at y (near, dim), beside points of the faces in ``cell`` (near,)."""
@@ -107,15 +105,11 @@ class Touching:
         What they would have had goes to the others of the cell: a force is never lost.
         """
         own, below = self.points.stencil, self._below
-        for name, at in (
-            ("_own", _weights(own.nodes[self.near], own.values[self.near], bare)),
-            ("_other", _weights(below.nodes, below.values, bare_other)),
-        ):
-            setattr(
-                self,
-                name,
-                [self._mean.multiply(self.normal[:, d]).tocsr() @ at for d in range(self.grid.dim)],
-            )
+        along = [self._mean.multiply(self.normal[:, d]).tocsr() for d in range(self.grid.dim)]
+        at = _weights(own.nodes[self.near], own.values[self.near], bare)
+        opposite = _weights(below.nodes, below.values, bare_other)
+        self._own = [mean @ at for mean in along]
+        self._other = [mean @ opposite for mean in along]
 
     def forces(self, λ: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Nodal forces (nodes, dim), N, of λ (rows,) on the body of the points and on that of the

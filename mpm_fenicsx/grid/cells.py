@@ -84,6 +84,11 @@ class Lattice:
     patch: np.ndarray
     volume: np.ndarray
 
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Lower and upper corners, and neighbours: what kernels want to know of cells."""
+        return self.lower, self.upper, self.neighbour
+
     @cached_property
     def around(self) -> np.ndarray:
         """The patches one after the other, for the compiled loops: without sign, and 0 where there

@@ -26,10 +26,8 @@ def build(comm: MPI.Comm, make: Callable[[], Built]) -> Built:
     while True:
         try:
             return make()
-        except (
-            TimeoutError,
-            RuntimeError,
-        ) as error:  # several ranks: RuntimeError, the reason on rank 0 only
+        except (TimeoutError, RuntimeError) as error:
+            # several ranks: RuntimeError, the reason on rank 0 only
             found = re.search(r"timed out.*remove (.+\.c)\)", str(error), re.DOTALL)
             source = comm.bcast(found and found[1], root=0)
             if source is None:

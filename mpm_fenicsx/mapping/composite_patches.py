@@ -35,7 +35,8 @@ class Composite:
         dim)."""
         grid, lat = self.grid, self.grid.lattice
         out = np.empty((len(x), grid.dim, grid.dim))
-        gradients(grid.axes, x, cell, lat.lower, lat.upper, self.power, lat.around, nodal, out)
+        bounds = lat.lower, lat.upper
+        gradients(grid.axes, (x, cell), bounds, (self.power, lat.around), nodal, out)
         return out
 
 
@@ -75,8 +76,14 @@ def coefficients(filled, neighbour, lower, upper, extent, power):
 
 
 @jit
-def gradients(axes, x, cell, lower, upper, power, around, field, out):
-    """out_p,ed = ∂_d u_e at points x, of nodal vectors ``field`` (nodes, dim)."""
+def gradients(axes, points, bounds, patches, field, out):
+    """out_p,ed = ∂_d u_e at points x, of nodal vectors ``field`` (nodes, dim).
+
+    ``points`` (x, cell); ``bounds`` (lower, upper) of cells; ``patches`` (power, around).
+    """
+    x, cell = points
+    lower, upper = bounds
+    power, around = patches
     dim = len(axes)
     slope, line = np.empty((dim, 4)), np.empty((dim, 2))
     for p in range(len(x)):

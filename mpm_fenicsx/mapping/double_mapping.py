@@ -26,28 +26,19 @@ def _count(side):
 
 
 @jit
-def _pair(
-    side,
-    span,
-    share,
-    cell,
-    volume,
-    neighbour,
-    dual,
-    place,
-    digit,
-    corners,
-    cell_volume,
-    point,
-    gauss,
-    weight,
-):
+def _pair(cut, points, cells, dual, gauss_points, out):
     """Pairs of a point and a Gauss point that it reaches, with w_gp |c|-weighted; returns their
     number.
 
-    ``place`` (2,) reference coordinates of the Gauss points along a direction, ``dual`` as in
-    ``Projection``.
+    ``cut`` (side, span, share); ``points`` (cell, volume); ``cells`` (neighbour, volume, corners);
+    ``dual`` as in ``Projection``; ``gauss_points`` (place, digit), ``place`` (2,) their reference
+    coordinates along a direction; written are ``out`` (point, Gauss point, weight).
     """
+    side, span, share = cut
+    cell, volume = points
+    neighbour, cell_volume, corners = cells
+    place, digit = gauss_points
+    point, gauss, weight = out
     n, dim = side.shape
     line = np.empty((dim, 2, 2))
     m = 0
@@ -95,19 +86,11 @@ def pairs_of(
     most = _count(at.side) * gauss.digit.shape[1]
     point, where, weight = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
     found = _pair(
-        at.side,
-        at.span,
-        at.share,
-        at.cell,
-        body.volume,
-        lat.neighbour,
+        at.cut,
+        (at.cell, body.volume),
+        (lat.neighbour, lat.volume, digits(2, gauss.grid.dim)),
         DOUBLE_MAPPED.dual,
-        PLACE,
-        gauss.digit,
-        digits(2, gauss.grid.dim),
-        lat.volume,
-        point,
-        where,
-        weight,
+        (PLACE, gauss.digit),
+        (point, where, weight),
     )
     return point[:found], where[:found], weight[:found]

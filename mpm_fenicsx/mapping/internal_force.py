@@ -101,49 +101,27 @@ class LinearStress:
         """Add the force of stress rows (n, columns), Pa."""
         grid, lat = self.grid, self.grid.lattice
         self._mean[:] = 0.0
-        _sum(
-            grid.axes,
-            at.reach,
-            once(stress.shape[1]),
-            lat.around,
-            at.first,
-            at.line,
-            body.volume,
-            stress,
-            body.x,
-            self._mean,
-        )
+        columns, points = once(stress.shape[1]), (body.volume, stress, body.x)
+        _sum(grid.axes, at.reach, columns, at.weights, points, self._mean)
         if self._shared is not None:
             dolfinx_versions.gather(self._shared)  # a node's points lie on several ranks
         _divide(self._mean)
         _pull(
-            grid.axes,
-            at.reach,
-            once(stress.shape[1]),
-            self._at,
-            at.side,
-            at.span,
-            at.share,
-            at.cell,
-            lat.lower,
-            lat.upper,
-            lat.neighbour,
-            lat.nodes,
-            lat.around,
-            at.first,
-            at.line,
-            at.slope,
-            body.volume,
-            body.x,
-            stress,
+            (grid.axes, at.reach, columns, self._at),
+            (at.cell, *at.cut),
+            (*lat.bounds, lat.nodes),
+            (*at.weights, at.slope),
+            points,
             self._mean,
             internal,
         )
 
 
 @jit
-def _sum(axes, reach, columns, around, first, line, volume, stress, x, out):
-    """out_i += Σ_p S_ip V_p (1, σ_p, x_p)."""
+def _sum(axes, reach, columns, weights, points, out):
+    """out_i += Σ_p S_ip V_p (1, σ_p, x_p); ``points`` (V, σ, x)."""
+    around, first, line = weights
+    volume, stress, x = points
     dim, n, m = len(axes), len(reach), len(columns)
     for p in range(len(first)):
         for k in range(n if dim == 3 else 1):
@@ -184,31 +162,18 @@ def _invert(a, out):
 
 
 @jit
-def _pull(
-    axes,
-    reach,
-    columns,
-    at,
-    side,
-    span,
-    share,
-    cell,
-    lower,
-    upper,
-    neighbour,
-    nodes,
-    around,
-    first,
-    line,
-    slope,
-    volume,
-    x,
-    stress,
-    mean,
-    out,
-):
-    """The sum of ``LinearStress``; ``mean`` (nodes, 1 + components + dim) of ``_sum``, ``at`` (dim,
-    dim) its σ_ij."""
+def _pull(layout, cut, cells, weights, points, mean, out):
+    """The sum of ``LinearStress``; ``mean`` (nodes, 1 + components + dim) of ``_sum``.
+
+    ``layout`` (axes, reach, columns, at), ``at`` (dim, dim) the columns of σ_ij; ``cut`` (cell,
+    side, span, share); ``cells`` (lower, upper, neighbour, nodes); ``weights`` (around, first,
+    line, slope); ``points`` (V, σ, x).
+    """
+    axes, reach, columns, at = layout
+    cell, side, span, share = cut
+    lower, upper, neighbour, nodes = cells
+    around, first, line, slope = weights
+    volume, stress, x = points
     dim, n, m = len(axes), len(reach), len(columns)
     found, inverse = np.empty((m + dim, dim)), np.empty((dim, dim))
     gradient, σ = np.zeros((m, dim)), np.empty(m)

@@ -15,9 +15,12 @@ from ..grid.cells import over_corner
 
 
 @jit
-def place(axes, x, half, cell, lower, upper, neighbour, side, span, share, first, line, slope):
+def place(axes, points, cells, cut, weights):
     """Cut each point's support domain at the edges of its cell, direction by direction, and weigh
     the nodes.
+
+    ``points`` (x, half support domains, cell); ``cells`` (lower, upper, neighbour) of ``Lattice``;
+    written are ``cut`` (side, span, share) and ``weights`` (first, line, slope).
 
     Segment 0 lies in the point's own cell, segment 1 in the neighbour on ``side`` (-1, 0 for none,
     1). ``span`` (n, dim, 2, 2): ends in the cell's reference coordinate [0, 1]; ``share``: fraction
@@ -28,6 +31,10 @@ def place(axes, x, half, cell, lower, upper, neighbour, side, span, share, first
     each direction, and their derivatives, for k = 2 or 3 nodes from ``first`` on, an entry of
     ``Lattice.around``.
     """
+    x, half, cell = points
+    lower, upper, neighbour = cells
+    side, span, share = cut
+    first, line, slope = weights
     n, dim = len(x), len(axes)
     for p in range(n):
         c = cell[p]
@@ -86,8 +93,9 @@ def place(axes, x, half, cell, lower, upper, neighbour, side, span, share, first
 
 
 @jit
-def scatter(axes, reach, columns, around, first, line, values, out):
-    """out_i += Σ_p w_ip q_p for values (n, columns)."""
+def scatter(axes, reach, columns, weights, values, out):
+    """out_i += Σ_p w_ip q_p for values (n, columns); ``weights`` (around, first, line)."""
+    around, first, line = weights
     dim, n = len(axes), len(reach)
     for p in range(len(first)):
         for k in range(n if dim == 3 else 1):
@@ -101,8 +109,10 @@ def scatter(axes, reach, columns, around, first, line, values, out):
 
 
 @jit
-def scatter_motion(axes, reach, around, first, line, mass, velocity, acceleration, out):
-    """out_i += Σ_p w_ip m_p (1, v_p, a_p)."""
+def scatter_motion(axes, reach, weights, points, out):
+    """out_i += Σ_p w_ip m_p (1, v_p, a_p); ``points`` (m, v, a)."""
+    around, first, line = weights
+    mass, velocity, acceleration = points
     dim, n = len(axes), len(reach)
     for p in range(len(first)):
         for k in range(n if dim == 3 else 1):
@@ -118,8 +128,9 @@ def scatter_motion(axes, reach, around, first, line, mass, velocity, acceleratio
 
 
 @jit
-def scatter_divergence(axes, reach, around, first, line, slope, stress, out):
+def scatter_divergence(axes, reach, weights, slope, stress, out):
     """out_i += Σ_p σ_p ∇w_ip for volume-weighted stress tensors (n, dim, dim)."""
+    around, first, line = weights
     dim, n = len(axes), len(reach)
     for p in range(len(first)):
         for k in range(n if dim == 3 else 1):
@@ -138,8 +149,9 @@ def scatter_divergence(axes, reach, around, first, line, slope, stress, out):
 
 
 @jit
-def interpolate(axes, reach, columns, around, first, line, field, out):
+def interpolate(axes, reach, columns, weights, field, out):
     """out_p = Σ_i w_ip q_i for nodal values (nodes, columns)."""
+    around, first, line = weights
     dim, n = len(axes), len(reach)
     for p in range(len(first)):
         for f in range(len(columns)):
@@ -148,17 +160,15 @@ def interpolate(axes, reach, columns, around, first, line, field, out):
                 for j in range(n):
                     across = line[p, 1, j] * (line[p, 2, k] if dim == 3 else 1.0)
                     for i in range(n):
-                        total += (
-                            across
-                            * line[p, 0, i]
-                            * field[around[first[p] + np.uint64(i + 4 * j + 16 * k)], f]
-                        )
+                        node = around[first[p] + np.uint64(i + 4 * j + 16 * k)]
+                        total += across * line[p, 0, i] * field[node, f]
             out[p, f] = total
 
 
 @jit
-def interpolate_gradient(axes, reach, around, first, line, slope, field, out):
+def interpolate_gradient(axes, reach, weights, slope, field, out):
     """out_p,ij = Σ_i q_i ∂_j w_ip for nodal vectors (nodes, dim)."""
+    around, first, line = weights
     dim, n = len(axes), len(reach)
     for p in range(len(first)):
         for e in range(dim):

@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum
 
-from ..common.checks import an_object
+from ..common.checks import an_object, whole
 from .projection import AT_POINTS, DOUBLE_MAPPED, Integration
+from .velocities import trapezoidal
+
+
+class AccelerationCorrection(Enum):
+    """What the mismatch of forces at the end of a step changes the acceleration by.
+
+    ``OFF``: nothing, the paper's step; ``LUMPED``: M̄⁻¹ of it, M̄ the lumped mass; ``IMPLICIT``:
+    what it changes in the step's own equations, (M + β Δt² K)⁻¹ of it.
+    """
+
+    OFF = "off"
+    LUMPED = "lumped"
+    IMPLICIT = "implicit"
 
 
 @dataclass(frozen=True)
 class Mapping:
-    """A material point method.
+    """A material point method, with all that is about the way between points and grid.
 
     ``support``: points deposit with shape functions averaged over their support domains (GIMP;
     within each cell the local S*_ip of DM-G), else with linear ones; ``integrate``: stiffness is
@@ -18,7 +33,21 @@ class Mapping:
     recovered from the composite patch (CMPM), else with the gradients of the deposit; ``mass``:
     where mass is summed, in the paper as stiffness is, which loses momentum where cells are partly
     full; ``linear``: in the internal force stress is linear over a support domain, else constant.
-    Raises ``ValueError`` for linear stress without support domains.
+
+    Options, to be changed by ``dataclasses.replace(DM_GC, sweeps=2)``:
+
+    ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass in the deposit of
+    velocities (see ``Deposit``), 0 for division by the lumped mass alone, as in the paper;
+    ``transfer``: how points take velocities from the grid, ``trapezoidal`` or ``flip``;
+    ``correction``: what the mismatch of (7) and the points' own force changes the acceleration by,
+    or None to choose by the Courant number (see ``AccelerationCorrection`` and ``runs.options``);
+    ``b_bar``: volume changes by the mean of cells, on the grid and at the points, which cures
+    locking where ν comes near ½ or flow keeps the volume (double mappings only);
+    ``hold_cut_cells``: light nodes of cut cells in which anything acts go with those beside them
+    (see ``ties``), unless a term ``GhostPenalty`` holds them.
+
+    Raises ``ValueError`` for linear stress without support domains, B-bar without double mapping,
+    and what is no option.
     """
 
     name: str
@@ -27,6 +56,11 @@ class Mapping:
     composite: bool
     mass: Integration = AT_POINTS
     linear: bool = False
+    sweeps: int = 1
+    transfer: Callable = trapezoidal
+    correction: AccelerationCorrection | None = None
+    b_bar: bool = False
+    hold_cut_cells: bool = True
 
     def __post_init__(self) -> None:
         for name in ("integrate", "mass"):
@@ -34,11 +68,31 @@ class Mapping:
                 name,
                 getattr(self, name),
                 Integration,
-                "AT_POINTS or DOUBLE_MAPPED of mpm_fenicsx.projection",
+                "AT_POINTS or DOUBLE_MAPPED of mpm_fenicsx.mapping.projection",
             )
         if self.linear and not self.support:
             raise ValueError(
                 f"linear stress needs support domains, and mapping {self.name} has none"
+            )
+        object.__setattr__(self, "sweeps", whole("sweeps", self.sweeps, least=0))
+        if not callable(self.transfer) or isinstance(self.transfer, type):
+            raise ValueError(
+                f"transfer must be a function such as trapezoidal or flip, got {self.transfer!r}"
+            )
+        if self.correction is not None:
+            an_object(
+                "correction",
+                self.correction,
+                AccelerationCorrection,
+                "AccelerationCorrection.IMPLICIT, LUMPED or OFF",
+            )
+        for name in ("b_bar", "hold_cut_cells"):
+            if getattr(self, name) not in (True, False):
+                raise ValueError(f"{name} must be True or False, got {getattr(self, name)!r}")
+        if self.b_bar and self.integrate is not DOUBLE_MAPPED:
+            raise ValueError(
+                f"b_bar needs integrals at Gauss points, and mapping {self.name} takes them at the "
+                "points"
             )
 
     def __str__(self) -> str:

@@ -118,14 +118,9 @@ class Projection:
                 self.grid.axes,
                 once(len(dual)),
                 once(values.shape[1]),
-                stencil.side,
-                stencil.span,
-                stencil.share,
-                stencil.cell,
-                lat.volume,
-                lat.neighbour,
-                dual,
-                self.dofs,
+                stencil.cut,
+                (stencil.cell, lat.volume, lat.neighbour),
+                (dual, self.dofs),
                 values,
                 tuple(f.x.array for f in self.fields),
             )
@@ -137,15 +132,18 @@ class Projection:
 
 
 @jit
-def _project(
-    axes, nodes, columns, side, span, share, cell, volume, neighbour, dual, dofs, values, out
-):
+def _project(axes, nodes, columns, cut, cells, space, values, out):
     """Cell by cell, add each point's values to the dofs of a discontinuous field.
 
     out_ck += q_p / |c| ∏_d Σ_j dual_kj ⟨ξ^j⟩, the mean of ξ^j taken over the segment of the support
     domain in c. ``values`` (n, columns) are volume-weighted; ``dofs`` (cells, nodes^dim), x
     fastest; ``out``: one (dofs,) a column.
+    ``cut`` (side, span, share); ``cells`` (cell of each point, volume, neighbour); ``space`` (dual,
+    dofs).
     """
+    side, span, share = cut
+    cell, volume, neighbour = cells
+    dual, dofs = space
     dim, n = len(axes), len(nodes)
     line = np.empty((dim, 2, n))
     for p in range(len(cell)):
@@ -168,9 +166,8 @@ def _project(
                     per_volume = 1.0 / volume[c]
                     for k in range(n if dim == 3 else 1):
                         for j in range(n):
-                            across = (
-                                per_volume * line[1, s, j] * (line[2, r, k] if dim == 3 else 1.0)
-                            )
+                            across = per_volume * line[1, s, j]
+                            across *= line[2, r, k] if dim == 3 else 1.0
                             for i in range(n):
                                 w = across * line[0, t, i]
                                 dof = dofs[np.uint64(c), np.uint64(i + n * (j + n * k))]

@@ -51,11 +51,7 @@ class Properties:
         for projection in self.projections:
             projection.clear()
         for body, stencil in zip(self._bodies, self._stencils, strict=True):
-            mass = body.mass[:, None]
-            lame = body.material.kinematics.moduli(body)
-            moduli = np.stack(np.broadcast_arrays(*(body.volume * value for value in lame)), axis=1)
-            given = [np.hstack((mass, moduli))] if self._alike else [mass, moduli]
-            for projection, values in zip(self.projections, given, strict=True):
+            for projection, values in zip(self.projections, self._given(body), strict=True):
                 projection.add(stencil, values)
         for projection in self.projections:
             projection.finish()
@@ -64,6 +60,19 @@ class Properties:
         self.project_volume()
         for part in self._parts:
             part.project()
+
+    def _given(self, body: MaterialPoints) -> list[np.ndarray]:
+        """Mass and volume-weighted moduli of the points, one array a projection."""
+        lame = body.material.kinematics.moduli(body)
+        if self._alike:
+            given = np.empty((len(body), 3))
+            given[:, 0] = body.mass
+            moduli = given[:, 1:]
+        else:
+            moduli = np.empty((len(body), 2))
+        for column, value in zip(moduli.T, lame, strict=True):
+            np.multiply(body.volume, value, out=column)
+        return [given] if self._alike else [body.mass[:, None], moduli]
 
     def of(self, material) -> tuple:
         """ρ, λ and μ of the bodies of one material, as fields that are kept up to date.

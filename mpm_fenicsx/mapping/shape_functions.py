@@ -36,24 +36,20 @@ class Stencil:
     def place(self, x: np.ndarray, half: np.ndarray | None, cell: np.ndarray) -> None:
         """Refresh for points at x (n, dim) in cells (n,), with half support domains (n, dim) where
         there are any."""
-        lat = self.grid.lattice
         half = half if self._no_extent is None else self._no_extent
         self.cell = cell
-        kernels.place(
-            self.grid.axes,
-            x,
-            half,
-            cell,
-            lat.lower,
-            lat.upper,
-            lat.neighbour,
-            self.side,
-            self.span,
-            self.share,
-            self.first,
-            self.line,
-            self.slope,
-        )
+        weights = self.first, self.line, self.slope
+        kernels.place(self.grid.axes, (x, half, cell), self.grid.lattice.bounds, self.cut, weights)
+
+    @property
+    def cut(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How support domains are cut at the edges of cells: side, span, share."""
+        return self.side, self.span, self.share
+
+    @property
+    def weights(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What kernels want to know of nodes and their weights: around, first, line."""
+        return self.grid.lattice.around, self.first, self.line
 
     @property
     def nodes(self) -> np.ndarray:
@@ -92,80 +88,37 @@ class Stencil:
 
     def deposit(self, values: np.ndarray, nodal: np.ndarray) -> None:
         """Add Σ_p S_ip q_p of values (n, f) to ``nodal`` (nodes, f)."""
-        grid = self.grid
-        kernels.scatter(
-            grid.axes,
-            self.reach,
-            once(values.shape[1]),
-            grid.lattice.around,
-            self.first,
-            self.line,
-            values,
-            nodal,
-        )
+        axes, columns = self.grid.axes, once(values.shape[1])
+        kernels.scatter(axes, self.reach, columns, self.weights, values, nodal)
 
     def deposit_motion(
         self, mass: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, nodal: np.ndarray
     ) -> None:
         """Add mass (kg), momentum and mass times acceleration of the points to ``nodal`` (nodes, 1
         + 2 dim)."""
-        grid = self.grid
-        kernels.scatter_motion(
-            grid.axes,
-            self.reach,
-            grid.lattice.around,
-            self.first,
-            self.line,
-            mass,
-            velocity,
-            acceleration,
-            nodal,
-        )
+        points = mass, velocity, acceleration
+        kernels.scatter_motion(self.grid.axes, self.reach, self.weights, points, nodal)
 
     def deposit_divergence(self, stress: np.ndarray, nodal: np.ndarray) -> None:
         """Add Σ_p σ_p ∇S_ip of volume-weighted stress tensors (n, dim, dim), N m, to ``nodal``
         (nodes, dim)."""
-        grid = self.grid
-        kernels.scatter_divergence(
-            grid.axes,
-            self.reach,
-            grid.lattice.around,
-            self.first,
-            self.line,
-            self.slope,
-            stress,
-            nodal,
-        )
+        axes = self.grid.axes
+        kernels.scatter_divergence(axes, self.reach, self.weights, self.slope, stress, nodal)
 
     def at_points(self, nodal: np.ndarray, rows: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Nodal values (nodes, f) at the points (n, f), or at ``rows`` of them."""
-        grid, first, line = self.grid, self.first[rows], self.line[rows]
-        out = np.empty((len(first), nodal.shape[1]))
-        kernels.interpolate(
-            grid.axes,
-            self.reach,
-            once(nodal.shape[1]),
-            grid.lattice.around,
-            first,
-            line,
-            nodal,
-            out,
-        )
+        around, first, line = self.weights
+        weights = around, first[rows], line[rows]
+        out = np.empty((len(weights[1]), nodal.shape[1]))
+        columns = once(nodal.shape[1])
+        kernels.interpolate(self.grid.axes, self.reach, columns, weights, nodal, out)
         return out
 
     def gradient_at_points(self, nodal: np.ndarray) -> np.ndarray:
         """Gradients (n, dim, dim) at the points of nodal vectors (nodes, dim)."""
-        grid, out = self.grid, np.empty((len(self), self.grid.dim, self.grid.dim))
-        kernels.interpolate_gradient(
-            grid.axes,
-            self.reach,
-            grid.lattice.around,
-            self.first,
-            self.line,
-            self.slope,
-            nodal,
-            out,
-        )
+        dim, axes = self.grid.dim, self.grid.axes
+        out = np.empty((len(self), dim, dim))
+        kernels.interpolate_gradient(axes, self.reach, self.weights, self.slope, nodal, out)
         return out
 
     def mean_of_cells(self, values: np.ndarray) -> np.ndarray:

@@ -100,12 +100,16 @@ def exponential(strain, shear, out):
 
 
 @jit
-def trial(h, E, across, at, of, shear, strain, values, vectors):
+def trial(h, state, pairs, shear, out):
     """Write Hencky's strain of b = f B fᵀ, as rows, and the eigenvalues and eigenvectors of b.
 
     Pair m takes h = f - 1 from row at[m] and the state E = B - 1, ``across`` (in plane strain ε_zz)
-    from row of[m].
+    from row of[m]; ``state`` (E, across), ``pairs`` (at, of); written are ``out`` (strain, values,
+    vectors).
     """
+    E, across = state
+    at, of = pairs
+    strain, values, vectors = out
     dim = h.shape[1]
     left, b = np.empty((dim, dim)), np.empty((dim, dim))
     for m in range(len(at)):

@@ -97,7 +97,7 @@ class FiniteStrain:
         state, row ``of`` (m,)."""
         m, dim = len(at), gradient.shape[1]
         out = np.empty((m, tensors.components(dim))), np.empty((m, dim)), np.empty((m, dim, dim))
-        hencky_strain.trial(gradient, *state, at, of, SHEAR[dim], *out)
+        hencky_strain.trial(gradient, state, (at, of), SHEAR[dim], out)
         return out
 
     def change(self, before: np.ndarray, after: np.ndarray, gradient: np.ndarray) -> np.ndarray:

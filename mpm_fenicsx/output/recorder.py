@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Protocol
 
 import numpy as np
@@ -13,15 +13,13 @@ from ..grid.grid import Grid
 class Run(Protocol):
     """A run as recorders see it.
 
-    ``name`` of the method, ``grid``, ``steps`` done and ``time`` (s) reached; ``contributions`` of
-    the terms, which say what they do to the energy.
+    ``name`` of the method, ``grid``, ``steps`` done and ``time`` (s) reached.
     """
 
     name: str
     grid: Grid
     steps: int
     time: float
-    contributions: Sequence
 
     def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
         """Places (n, dim), m, where a field is known on this rank, and a function from rows to
@@ -29,6 +27,9 @@ class Run(Protocol):
 
     def holds(self, at: np.ndarray) -> bool:
         """Whether a place (dim,), m, lies inside this rank's part of the body."""
+
+    def term_energies(self) -> dict[str, object]:
+        """Forms of what terms do to the energy in a step (J), by name."""
 
     def energy(self) -> dict[str, float]:
         """Energies (J) of this rank's part of the body, by name."""

@@ -122,10 +122,7 @@ class Energy(Series):
 
     def attach(self, run: Run) -> None:
         """Compile what the scene's terms do to the energy in a step."""
-        forms: dict[str, object] = {}
-        for contribution in run.contributions:
-            for name, form in contribution.energy().items():
-                forms[name] = forms.get(name, 0) + form
+        forms = run.term_energies()
         self.names = tuple(dict.fromkeys((*self.USUAL, *forms, *run.energy())))
         self._forms = {
             self.names.index(name): dolfinx_versions.compile_form(form)

@@ -43,7 +43,7 @@ class MaterialPoints:
     # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
     seat: np.ndarray | None = None
     mass: np.ndarray = field(init=False)
-    _run_left: int | None = field(default=None, init=False, repr=False)
+    _run_left: np.ndarray | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
         self.x = array("x", self.x)
@@ -108,11 +108,11 @@ class MaterialPoints:
     @property
     def left_by_run(self) -> bool:
         """Whether the acceleration is what a run has left, and not one that is given."""
-        return self.acceleration is not None and self._run_left == id(self.acceleration)
+        return self.acceleration is not None and self._run_left is self.acceleration
 
     def leave(self) -> None:
         """A run says that the acceleration is its own."""
-        self._run_left = id(self.acceleration)
+        self._run_left = self.acceleration
 
     @property
     def remembered(self) -> np.ndarray:
@@ -134,7 +134,11 @@ class MaterialPoints:
 
     def state(self) -> dict[str, np.ndarray]:
         """The arrays that the points carry, by name; not copied."""
-        own = {name: value for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        own = {
+            name: value
+            for name, value in vars(self).items()
+            if isinstance(value, np.ndarray) and not name.startswith("_")
+        }
         return {**own, **{f"parameters/{name}": value for name, value in self.parameters.items()}}
 
     @classmethod

@@ -80,9 +80,12 @@ class SurfacePoints:
         n = len(self)
         if self.number is None:
             self.number = np.arange(n)
-        for name, value in vars(self).items():
-            if isinstance(value, np.ndarray) and len(value) == n:
-                setattr(self, name, value[rows])
+        self.x, self.normal, self.area = self.x[rows], self.normal[rows], self.area[rows]
+        self.number = self.number[rows]
+        if self.displacement is not None:
+            self.displacement = self.displacement[rows]
+        if self.rest_area is not None:
+            self.rest_area = self.rest_area[rows]
 
     def of_given(self, values: np.ndarray) -> np.ndarray:
         """The rows that are here of values given for all (given, …), or as they are where they are

@@ -26,15 +26,15 @@ from ..response.finite_strain_elements import FiniteStrainElements
 from ..response.response import Yielding
 from ..response.small_strain import YieldingElements
 from ..solver.equilibrium import Equilibrium
-from ..solver.newton import Newton
+from ..solver.solver import Solver
 from ..terms.body import elastic_work, elasticity, inertia
 from ..terms.meeting_supports import refuse_disagreement
 from ..terms.scene import Scene
 from .b_bar_checks import warn_of_laws
 from .identity import described
-from .options import InitialAcceleration, check_start
+from .options import InitialAcceleration, check_start, solver_of_today
 from .run import Run
-from .scene_checks import check_options
+from .scene_checks import check_flags
 
 ALIKE = 1e-2
 """Of the largest acceleration: by no more does that of a run before differ from the balance of its
@@ -70,14 +70,20 @@ class FiniteElements(Run):
         stepping: Newmark | QuasiStatic,
         terms: Sequence,
         reassemble: bool = False,
-        newton: Newton | None = None,
-        solver: Mapping[str, object] | None = None,
+        solver: Solver | None = None,
         b_bar: bool = False,
         start: FiniteElements | None = None,
         initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
+        **old,
     ):
         super().__init__("FE", grid, stepping, terms)
-        check_options(newton, solver, reassemble=reassemble, b_bar=b_bar)
+        solver = self.solver = solver_of_today("FiniteElements", solver, old)
+        check_flags(reassemble=reassemble, b_bar=b_bar)
+        if solver.reuse:
+            raise ValueError(
+                f"reuse of Solver is for material points, got {solver.reuse}: without reassemble "
+                "finite elements keep the whole matrix"
+            )
         check_start(initial_acceleration)
         materials = self.materials = CellMaterials.of(grid, material)
         for law in materials.materials:
@@ -116,7 +122,6 @@ class FiniteElements(Run):
             scene.fixed,
             solver,
             self.yielding,
-            newton,
             factored=not reassemble,
         )
         self._goes_on = start is not None
@@ -183,6 +188,7 @@ class FiniteElements(Run):
         if stepping.dynamic:
             motion.know_start(motion.nodal(motion.v), motion.nodal(motion.a))
         self.equilibrium.solve(reassemble=reassemble)
+        self.iterate(None)
 
     def carry(self) -> None:
         """Displacement, velocity and acceleration at the end of the step."""

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..common.checks import an_object, finite
 from ..common.errors import RunError
 from ..common.ranks import anywhere
 from ..dynamics.motion import Motion
@@ -16,13 +14,13 @@ from ..grid.gauss_points import GaussPoints
 from ..grid.grid import Grid
 from ..mapping.composite_patches import Composite
 from ..mapping.internal_force import ConstantStress, LinearStress
-from ..mapping.methods import DM_GC
+from ..mapping.methods import DM_GC, AccelerationCorrection
 from ..mapping.methods import Mapping as PointMapping
 from ..mapping.projection import DOUBLE_MAPPED
 from ..mapping.properties import Properties
 from ..mapping.shape_functions import Stencil
 from ..mapping.ties import Holding, Ties
-from ..mapping.velocities import TRANSITS, Deposit, KnownVelocity, trapezoidal
+from ..mapping.velocities import TRANSITS, Deposit, KnownVelocity
 from ..points.inside import among
 from ..points.interfaces import warn_of_interfaces
 from ..points.location import enter
@@ -31,93 +29,68 @@ from ..response.finite_strain import finite_strain_of
 from ..response.response import Yielding
 from ..response.small_strain import YieldingPoints
 from ..response.small_strain_at_points import YieldingAtPoints
-from ..solver.acceleration_correction import AccelerationCorrection, correction_of
+from ..solver.acceleration_correction import correction_of
 from ..solver.equilibrium import Equilibrium
-from ..solver.newton import Newton
+from ..solver.solver import Solver
 from ..terms.body import elasticity, inertia
 from ..terms.meeting_supports import refuse_disagreement
 from ..terms.reach import check_reach, partly_filled
 from ..terms.scene import Scene
 from .b_bar_checks import warn_of_points
 from .identity import described
-from .options import InitialAcceleration, check_start, chosen_correction, courant_number
+from .options import (
+    InitialAcceleration,
+    check_start,
+    chosen_correction,
+    courant_number,
+    of_today,
+)
 from .run import Run
-from .scene_checks import bodies_of, check_mapping, check_options
+from .scene_checks import bodies_of
 
 
 class Simulation(Run):
     """Implicit material point run on a background grid.
 
-    ``points``: one body or several; ``stepping``: Newmark or QuasiStatic; ``terms``: boundaries and
-    loads; ``mapping``: how points and grid talk (default DM-GC); ``transfer``: how points take
-    velocities from the grid; ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass
-    in the deposit of velocities (see ``Deposit``), 0 for division by the lumped mass alone, as in
-    the paper. ``correction``: what the mismatch of (7) and the points' own force changes the
-    acceleration by; by default chosen by the Courant number where points have support domains (see
-    ``AccelerationCorrection`` and ``options``). ``initial_acceleration``: that of the balance of
-    forces, unless points are given one (what another run has left is not given), or zero as in the
-    paper. ``solver``: PETSc options.  ``print(run)`` says what was chosen. ``newton``: when to stop
-    where a body can yield.  ``b_bar``: volume changes by the mean of cells, on the grid and at the
-    points, which cures locking where ν comes near ½ or flow keeps the volume (double mappings
-    only). ``reuse``: a cell's density, moduli and part of the matrix stay as they are while they
-    would change by less than that part (elastic bodies, one rank, DOLFINx 0.11; else nothing is
-    kept); a restart is one to round-off then. ``hold_cut_cells``: light nodes of cut cells in which
-    anything acts go with those beside them (see ``ties``), unless a term ``GhostPenalty`` holds
-    them.
+    ``bodies``: one body of material points, or several; ``stepping``: Newmark or QuasiStatic;
+    ``terms``: boundaries and loads.
+    ``mapping``: the method, with all that is about the way between points and grid (default DM-GC);
+    ``solver``: how the equations of a step are solved.
+    ``initial_acceleration``: that of the balance of forces, unless points are given one (what
+    another run has left is not given), or zero as in the paper.
+    ``print(run)`` says what was chosen.
+    ``old``: arguments of releases before, with a ``DeprecationWarning``.
+
     Raises ``ValueError`` for a scene that cannot run, naming what is wrong.
     """
 
     def __init__(
         self,
         grid: Grid,
-        points: MaterialPoints | Sequence[MaterialPoints],
+        bodies: MaterialPoints | Sequence[MaterialPoints],
         stepping: Newmark | QuasiStatic,
         terms: Sequence,
         mapping: PointMapping = DM_GC,
-        transfer: Callable = trapezoidal,
-        sweeps: int = 1,
-        newton: Newton | None = None,
-        solver: Mapping[str, object] | None = None,
-        b_bar: bool = False,
-        reuse: float = 0.0,
-        balanced: bool | None = None,
-        correction: AccelerationCorrection | None = None,
+        solver: Solver | None = None,
         initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
-        hold_cut_cells: bool = True,
+        **old,
     ):
-        self.bodies = bodies_of(points)
-        check_mapping(mapping, transfer)
-        check_options(
-            newton,
-            solver,
-            b_bar=b_bar,
-            hold_cut_cells=hold_cut_cells,
-            **({} if balanced is None else {"balanced": balanced}),
-        )
+        self.bodies = bodies_of(bodies)
+        mapping, solver = of_today("Simulation", mapping, solver, old)
         check_start(initial_acceleration)
-        if correction is not None:
-            an_object(
-                "correction",
-                correction,
-                AccelerationCorrection,
-                "AccelerationCorrection.IMPLICIT, LUMPED or OFF",
-            )
-        if b_bar and mapping.integrate is not DOUBLE_MAPPED:
-            raise ValueError(
-                f"b_bar needs integrals at Gauss points, and mapping {mapping} takes them at the "
-                "points"
-            )
         super().__init__(mapping.name, grid, stepping, terms)
-        self.mapping, self.transfer = mapping, transfer
-        if not 0.0 <= finite("reuse", reuse) <= 0.1:
-            raise ValueError(f"reuse must be at least 0 and at most 0.1, got {reuse}")
+        self.mapping, self.solver = mapping, solver
+        if mapping.correction not in (None, AccelerationCorrection.OFF) and not stepping.dynamic:
+            raise ValueError(
+                f"correction is of accelerations, and {stepping} has none, got {mapping.correction}"
+            )
         self._of = [f"body {n}, " if len(self.bodies) > 1 else "" for n in range(len(self.bodies))]
         motion = self.motion = Motion(grid, stepping)
         self.cells = [enter(body, grid) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
         self.composites = self._composite_patches() if mapping.composite else []
         self.stress = LinearStress(grid) if mapping.linear else ConstantStress(grid)
-        reuse = reuse if motion.region.follows else 0.0
+        reuse = solver.reuse if motion.region.follows else 0.0
         given = self.properties = Properties(motion, mapping, self.bodies, self.stencils, reuse)
         density, λ, μ = given.fields
         scene = self.scene = Scene(
@@ -128,7 +101,7 @@ class Simulation(Run):
             lame=(λ, μ),
             stiffness_dx=given.stiffness_dx,
             of_material=given.of,
-            b_bar=b_bar,
+            b_bar=mapping.b_bar,
             partly_filled=True,
             body_force=given.body_force,
         )
@@ -138,27 +111,26 @@ class Simulation(Run):
         self.contributions = [body, *others]
         refuse_disagreement(scene)
         check_reach(scene, self.bodies, self.cells, self.stencils)
-        self.gauss = GaussPoints(grid, mean_volume=True) if b_bar else None
+        self.gauss = GaussPoints(grid, mean_volume=True) if mapping.b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(
-            motion, body, others, scene.fixed, solver, self.yielding, newton, reuse > 0.0
+            motion, body, others, scene.fixed, solver, self.yielding, reuse > 0.0
         )
         if reuse and (self.yielding is not None or self.equilibrium.update is None):
             raise ValueError(
                 f"reuse = {reuse} is for elastic bodies of small strain, without GhostPenalty"
             )
         # a term on the facets between cells, GhostPenalty, does in its own way what ties do
-        self._holds = hold_cut_cells and motion.region.dS is None
+        self._holds = mapping.hold_cut_cells and motion.region.dS is None
         self._bound_for_rest = not stepping.dynamic or (scene.body_loaded and self._stressed())
         self._acts_everywhere = self._bound_for_rest or scene.body_loaded
         self.holding: Holding | None = None
         self._internal = np.zeros((grid.nodes, grid.dim))
         self._held = np.zeros(grid.cells, np.int8)  # cells that hold material
         self.initial_acceleration, self._unmoved, self._left = initial_acceleration, [], []
-        correction = self._asked_correction(correction, balanced)
         self.courant_number = courant_number(grid, self.bodies, stepping)
-        self._chooses_correction = correction is None
-        self.correction_kind = correction or chosen_correction(
+        self._chooses_correction = mapping.correction is None
+        self.correction_kind = mapping.correction or chosen_correction(
             mapping, stepping, self.courant_number
         )
         self.correction = None
@@ -167,7 +139,7 @@ class Simulation(Run):
             KnownVelocity(motion, self.courant_number / stepping.dt / TRANSITS) if known else None
         )
         if stepping.dynamic:
-            self.deposit = Deposit(motion, density, given.mass_dx, sweeps)
+            self.deposit = Deposit(motion, density, given.mass_dx, mapping.sweeps)
             self._unmoved = [body for body in self.bodies if body.acceleration is None]
             self._left = [body for body in self.bodies if body.left_by_run]
             for body in self.bodies:
@@ -175,32 +147,12 @@ class Simulation(Run):
             self.correction = correction_of(
                 self.correction_kind, self.equilibrium, self.stress, self.deposit
             )
-        if b_bar:
+        if mapping.b_bar:
             warn_of_points(
                 [body.material for body in self.bodies],
                 partly_filled(grid, self.bodies, self.cells),
                 stepping.dynamic,
             )
-
-    def _asked_correction(
-        self, correction: AccelerationCorrection | None, balanced: bool | None
-    ) -> AccelerationCorrection | None:
-        if balanced is not None:
-            warnings.warn(
-                "balanced is now correction=AccelerationCorrection.LUMPED or OFF; by default it is "
-                "chosen by the Courant number",
-                DeprecationWarning,
-                stacklevel=3,
-            )
-            correction = AccelerationCorrection.LUMPED if balanced else AccelerationCorrection.OFF
-        if (
-            correction in (AccelerationCorrection.LUMPED, AccelerationCorrection.IMPLICIT)
-            and not self.stepping.dynamic
-        ):
-            raise ValueError(
-                f"correction is of accelerations, and {self.stepping} has none, got {correction}"
-            )
-        return correction
 
     def change_step(self, stepping: Newmark | QuasiStatic) -> None:
         """Go on with another step from the time reached; what is chosen by the Courant number is
@@ -343,7 +295,9 @@ class Simulation(Run):
     def solve(self, push: np.ndarray | float = 0.0) -> None:
         """Internal force at the points, tangent of the fields, one linear solve; ``push`` (dofs,),
         N, from outside."""
-        self.equilibrium.solve(self._internal_force() - push)
+        internal = self._internal_force() - push
+        self.equilibrium.solve(internal)
+        self.iterate(internal)
 
     def carry(self) -> None:
         """Points take position, velocity, stress and the stretch of their support domains from the
@@ -380,7 +334,7 @@ class Simulation(Run):
             self.correction.correct(after, self.bodies, self.stencils, changes)
         for body, stencil, (_, stretches) in zip(self.bodies, self.stencils, found, strict=True):
             if self.stepping.dynamic:
-                self.transfer(
+                self.mapping.transfer(
                     body.velocity,
                     body.acceleration,
                     stencil.at_points,

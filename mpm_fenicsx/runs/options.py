@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Mapping as Options
 from collections.abc import Sequence
 from dataclasses import replace
 from enum import Enum
 
 from mpi4py import MPI
 
-from ..common.checks import an_object
+from ..common.checks import an_object, in_short
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid.grid import Grid
-from ..mapping.methods import DM_GC, Mapping
+from ..mapping.methods import DM_GC, AccelerationCorrection, Mapping
 from ..mapping.projection import DOUBLE_MAPPED
 from ..points.material_points import MaterialPoints
-from ..solver.acceleration_correction import AccelerationCorrection
+from ..solver.newton import Newton
+from ..solver.solver import Solver
 
 SHORT = 1.0 + 1e-9
 """Courant number up to which the correction is by lumped mass, and from which it is implicit.
@@ -48,13 +51,68 @@ def check_start(initial_acceleration) -> None:
 
 
 PAPER = {
-    "mapping": replace(DM_GC, mass=DOUBLE_MAPPED),
-    "sweeps": 0,
-    "correction": AccelerationCorrection.OFF,
+    "mapping": replace(
+        DM_GC,
+        mass=DOUBLE_MAPPED,
+        sweeps=0,
+        correction=AccelerationCorrection.OFF,
+        hold_cut_cells=False,
+    ),
     "initial_acceleration": InitialAcceleration.ZERO,
-    "hold_cut_cells": False,
 }
 """Keywords of ``Simulation`` for the step of Do et al. (2023) to the letter, the start included."""
+
+
+OF_MAPPING = ("sweeps", "transfer", "correction", "b_bar", "hold_cut_cells")
+OF_SOLVER = ("newton", "reuse")
+
+
+def of_today(run: str, mapping: Mapping, solver, old: dict[str, object]) -> tuple[Mapping, Solver]:
+    """Mapping and solver with what ``old`` arguments of a ``run`` say, each with a
+    ``DeprecationWarning``.
+
+    Raises ``ValueError`` for values that are no options, ``TypeError`` for arguments that are none.
+    """
+    an_object("mapping", mapping, Mapping, "an object such as DM_GC, imported by its name")
+    rest = dict(old)
+    balanced = rest.pop("balanced", None)
+    if balanced is not None:
+        kind = AccelerationCorrection.LUMPED if balanced else AccelerationCorrection.OFF
+        _warn("balanced", f"mapping=replace(mapping, correction={kind})")
+        if balanced not in (True, False):
+            raise ValueError(f"balanced must be True or False, got {balanced!r}")
+        mapping = replace(mapping, correction=kind)
+    for name in OF_MAPPING:
+        if name in rest:
+            _warn(name, f"mapping=replace(mapping, {name}=...)")
+            mapping = replace(mapping, **{name: rest.pop(name)})
+    return mapping, solver_of_today(run, solver, rest, deep=1)
+
+
+def solver_of_today(run: str, solver, old: dict[str, object], deep: int = 0) -> Solver:
+    """The same of the solver alone."""
+    rest = dict(old)
+    if solver is None:
+        solver = Solver()
+    elif not isinstance(solver, Solver):
+        if not isinstance(solver, Options):
+            raise ValueError(
+                f"solver must be a Solver, such as Solver(petsc={{...}}), got {in_short(solver)}"
+            )
+        _warn("solver={...}", "solver=Solver(petsc={...})", deep)
+        solver = Solver(petsc=solver)
+    for name in OF_SOLVER:
+        if name in rest:
+            _warn(name, f"solver=Solver({name}=...)", deep)
+            value = rest.pop(name)
+            solver = replace(solver, **{name: Newton() if value is None else value})
+    if rest:
+        raise TypeError(f"{run} takes no argument {', '.join(rest)}; see help({run})")
+    return solver
+
+
+def _warn(before: str, now: str, deep: int = 0) -> None:
+    warnings.warn(f"{before} of a run is now {now}", DeprecationWarning, stacklevel=4 + deep)
 
 
 def courant_number(

@@ -106,6 +106,12 @@ class Run(Statics):
         """Solve for the motion from ``start`` to ``end`` (s), and move nothing yet."""
         raise NotImplementedError
 
+    def iterate(self, internal: np.ndarray | None) -> None:
+        """Go on from the first solve, where the response is not linear; ``internal`` (dofs,), N, as
+        in ``Equilibrium.solve``."""
+        if self.yielding is not None:
+            self.solver.newton.iterate(self.equilibrium, internal, self.equilibrium.first)
+
     def carry(self) -> None:
         """Make the motion that was solved for the state; refuse it before anything has changed."""
         raise NotImplementedError
@@ -116,9 +122,9 @@ class Run(Statics):
         try:
             self.attempt(start, end, self.stepping.part(0.5**cut))
         except SolverError as error:
-            if self.yielding is None or (cut == self.equilibrium.newton.cuts == 0):
+            if self.yielding is None or (cut == self.solver.newton.cuts == 0):
                 raise
-            if cut == self.equilibrium.newton.cuts:
+            if cut == self.solver.newton.cuts:
                 halved = f"from t = {start:.6g} to {end:.6g}, the step halved {cut} times"
                 raise SolverError(f"{error}; {halved}") from error
         else:
@@ -154,6 +160,14 @@ class Run(Statics):
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's part of the body."""
         raise NotImplementedError
+
+    def term_energies(self) -> dict[str, object]:
+        """Forms of what terms do to the energy in a step (J), by name."""
+        forms: dict[str, object] = {}
+        for contribution in self.scene.contributions:
+            for name, form in contribution.energy().items():
+                forms[name] = forms.get(name, 0) + form
+        return forms
 
     def record(self, recorder):
         """Attach a recorder: called after each step, and once now for the start.  Returns it.

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping as Options
 from collections.abc import Sequence
+from itertools import combinations
 
 from ..common.checks import an_object, in_short, several
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid.grid import Grid
-from ..mapping.methods import Mapping
 from ..points.material_points import MaterialPoints
-from ..solver.newton import Newton
 
 
 def terms_of(terms) -> list:
@@ -30,23 +28,20 @@ def terms_of(terms) -> list:
     return terms
 
 
-def bodies_of(points) -> list[MaterialPoints]:
+def bodies_of(bodies) -> list[MaterialPoints]:
     """The bodies as a list; one alone may be given without one.  Raises ``ValueError`` naming what
     is no body."""
     such_as = (
         "MaterialPoints, one body or a list of bodies, such as MaterialPoints.fill(grid, material, "
         "4)"
     )
-    points = (
-        [points]
-        if isinstance(points, MaterialPoints | type)
-        else several("points", points, such_as)
-    )
-    if not points:
-        raise ValueError("points: there is no body")
-    if len({id(body) for body in points}) < len(points):
-        raise ValueError("points: a body is named twice")
-    return [an_object("points", body, MaterialPoints, such_as) for body in points]
+    alone = isinstance(bodies, MaterialPoints | type)
+    bodies = [bodies] if alone else several("bodies", bodies, such_as)
+    if not bodies:
+        raise ValueError("bodies: there is no body")
+    if any(a is b for a, b in combinations(bodies, 2)):
+        raise ValueError("bodies: a body is named twice")
+    return [an_object("bodies", body, MaterialPoints, such_as) for body in bodies]
 
 
 def check_run(grid, stepping) -> None:
@@ -55,34 +50,11 @@ def check_run(grid, stepping) -> None:
     an_object("stepping", stepping, (Newmark, QuasiStatic), "Newmark(dt) or QuasiStatic(steps)")
 
 
-def check_options(newton, solver, **flags) -> None:
-    """Raise ``ValueError`` for options of a run that are none: ``flags`` must be True or False."""
-    if newton is not None:
-        an_object("newton", newton, Newton, "Newton(tolerance) or None")
-    if solver is not None:
-        an_object(
-            "solver",
-            solver,
-            Options,
-            'PETSc options by name, such as {"ksp_type": "cg", "ksp_rtol": 1e-10}',
-        )
-        for key in solver:
-            if not isinstance(key, str) or key.startswith("-"):
-                raise ValueError(
-                    f"solver: names of PETSc options are texts without a dash, got {key!r}"
-                )
+def check_flags(**flags) -> None:
+    """Raise ``ValueError`` naming what is neither True nor False."""
     for name, value in flags.items():
         if value not in (True, False):
             raise ValueError(f"{name} must be True or False, got {value!r}")
-
-
-def check_mapping(mapping, transfer) -> None:
-    """Raise ``ValueError`` for a mapping or a transfer that is none."""
-    an_object("mapping", mapping, Mapping, "an object such as DM_GC, imported by its name")
-    if not callable(transfer) or isinstance(transfer, type):
-        raise ValueError(
-            f"transfer must be a function such as trapezoidal or flip, got {transfer!r}"
-        )
 
 
 def pairs_of(bodies: Sequence, run: type, surface: type) -> list[tuple]:

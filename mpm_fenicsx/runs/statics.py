@@ -35,6 +35,9 @@ class Statics:
         ``ValueError``."""
         if self.stepping.dynamic or self._supported:
             return
+        if any(contribution.holds for contribution in self.scene.contributions):
+            self._supported = True
+            return
         message = free_motion(self.grid, self.filled_cells(), self.equilibrium.fixed)
         if message:
             raise ValueError(

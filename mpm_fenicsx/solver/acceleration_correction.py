@@ -4,29 +4,17 @@ bear."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from enum import Enum
 
 import numpy as np
 from dolfinx import fem
 
 from ..grid import dolfinx_versions
 from ..mapping.internal_force import ConstantStress, LinearStress
+from ..mapping.methods import AccelerationCorrection
 from ..mapping.shape_functions import Stencil
 from ..mapping.velocities import Deposit
 from ..points.material_points import MaterialPoints
 from .equilibrium import Equilibrium
-
-
-class AccelerationCorrection(Enum):
-    """What the mismatch of forces at the end of a step changes the acceleration by.
-
-    ``OFF``: nothing, the paper's step; ``LUMPED``: M̄⁻¹ of it, M̄ the lumped mass; ``IMPLICIT``:
-    what it changes in the step's own equations, (M + β Δt² K)⁻¹ of it.
-    """
-
-    OFF = "off"
-    LUMPED = "lumped"
-    IMPLICIT = "implicit"
 
 
 class Correction:

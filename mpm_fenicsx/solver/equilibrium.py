@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 
 from mpi4py import MPI
@@ -21,7 +21,7 @@ from ..terms.contribution import Contribution
 from .active_nodes import Part
 from .linear_solver import RESCUE, SolverKind, linear_solver
 from .matrix_update import Update
-from .newton import Newton
+from .solver import Solver
 
 # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of
 # 1e-18
@@ -36,10 +36,10 @@ class Equilibrium:
     ``body``: virtual work of the stress that the increment u adds, elastic; ``others``: what
     inertia and all terms contribute; ``fixed``: Dirichlet conditions (the motion knows which of
     them are not zero).
-    ``response``: what the law adds to elasticity where it can yield, and then ``newton`` says when
-    to stop.  Without it the step is linear: one solve.
-    ``factored``: K does not change, and is factored once.  ``options``: PETSc's, without prefix, on
-    top of what suits the stepping and ``symmetric``, whether K is so.
+    ``response``: what the law adds to elasticity where it can yield: a step then goes on from its
+    first solve, by ``Newton.iterate``.  Without it the step is linear.
+    ``factored``: K does not change, and is factored once.  PETSc's options in ``solver`` are on top
+    of what suits the stepping and ``symmetric``, whether K is so.
     ``reuse``: where fields of the tangent stay as they are in most cells, only the others are
     assembled.
     """
@@ -50,14 +50,13 @@ class Equilibrium:
         body: Contribution,
         others: Sequence[Contribution],
         fixed: list,
-        options: Mapping[str, object] | None = None,
+        solver: Solver,
         response: Response | None = None,
-        newton: Newton | None = None,
         reuse: bool = False,
         factored: bool = False,
     ):
         self.motion, self.bcs = motion, fixed
-        self.yielding, self.newton = response, newton or Newton()
+        self.yielding, self._one_solve = response, solver.newton.tolerance is None
         self.symmetric = all(c.symmetric for c in others)
         V = motion.grid.space
         residual = sum((c.work for c in others), body.work)
@@ -73,7 +72,7 @@ class Equilibrium:
         self._residual = dolfinx_versions.compile_form(residual)
         self._tangent = dolfinx_versions.compile_form(tangent)
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
-        ours = motion.stepping.dynamic and options is None and not factored
+        ours = motion.stepping.dynamic and solver.petsc is None and not factored
         # PETSc shifts pivots of rows, not of blocks; with facets between cells an incomplete factor
         # needs that
         self._kind = "baij" if ours and motion.region.dS is None else None
@@ -87,7 +86,7 @@ class Equilibrium:
             self.fixed[dofs] = True
         self.idle = np.zeros(self._owned, dtype=bool)
         kind = SolverKind(motion.grid.comm, factored or not motion.stepping.dynamic, self.symmetric)
-        self.ksp = linear_solver(self.matrix, kind.options, options)
+        self.ksp = linear_solver(self.matrix, kind.options, solver.petsc)
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
         self._can_rescue = ours
@@ -193,10 +192,8 @@ class Equilibrium:
         if reassemble or self._bent:
             self.assemble_tangent()
             self._bent = False
-        self._first = self.refresh(internal)
+        self.first = self.refresh(internal)
         self.correct()
-        if self.yielding is not None:
-            self.newton.iterate(self, internal, self._first)
 
     def initial_acceleration(self) -> np.ndarray:
         """Nodal accelerations (dofs,), m/s², of the balance of forces at the start of the step, M a
@@ -247,7 +244,7 @@ class Equilibrium:
         r[: self._owned][self.idle] = 0.0
         size, tolerances = self._norm(), self.ksp.getTolerances()
         if size > 0.0:
-            loose = tolerances[0] * max(self._first / size, 1.0)
+            loose = tolerances[0] * max(self.first / size, 1.0)
             self.ksp.setTolerances(min(loose, LOOSE), *tolerances[1:])
         preconditioner = self.ksp.getPC()
         preconditioner.setReusePreconditioner(
@@ -382,7 +379,7 @@ class Equilibrium:
     def add_foreseen(self, force: fem.Function) -> None:
         """Add the increment of internal force at the motion's u (N) that the step was solved
         with."""
-        if self.yielding is not None and self.newton.tolerance is None:
+        if self.yielding is not None and self._one_solve:
             # one solve: the response as it is linear about the start, at this u
             self.yielding.clear()
         if self.yielding is not None:

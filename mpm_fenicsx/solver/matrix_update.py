@@ -84,12 +84,9 @@ class Update:
             little |= _differ(
                 at,
                 dofs,
-                f.x.array,
-                before,
-                by.x.array,
+                (f.x.array, before, by.x.array),
                 peak.max(initial=0.0),
-                peak,
-                changed,
+                (peak, changed),
                 self.motion.grid.lattice.nodes,
                 self.bare,
             )
@@ -123,13 +120,16 @@ def _cell_by_cell(f: fem.Function) -> bool:
 
 
 @jit
-def _differ(cells, dofs, now, before, by, full, peak, changed, nodes, bare):
+def _differ(cells, dofs, values, full, of_cells, nodes, bare):
     """Differences ``by`` = now - before in cells, then before = now; marks cells that have one,
     nodes with material.
 
-    ``peak`` (cells,): largest |value| so far; ``full``: that of full cells.  Returns whether a cell
-    that has changed holds so little that what it has held counts (``ROUND_OFF``).
+    ``values`` (now, before, by); ``of_cells`` (peak, changed), ``peak`` (cells,): largest |value|
+    so far; ``full``: that of full cells.  Returns whether a cell that has changed holds so little
+    that what it has held counts (``ROUND_OFF``).
     """
+    now, before, by = values
+    peak, changed = of_cells
     little = False
     for c in cells:
         size, differs = 0.0, False

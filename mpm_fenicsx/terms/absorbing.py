@@ -15,7 +15,7 @@ from .scene import Scene
 
 
 @dataclass(frozen=True)
-class Viscous:
+class ViscousBoundary:
     """Absorbing dashpots (Lysmer & Kuhlemeyer; Do et al. 2023, eqs. 9, 13, 14).
 
     σ_n = -ρ c_p v_n, σ_s = -ρ c_s v_s with the elastic constants and density of ``material``.
@@ -40,7 +40,7 @@ class Viscous:
 
 
 @dataclass(frozen=True)
-class Viscoelastic(Viscous):
+class ViscoelasticBoundary(ViscousBoundary):
     """Dashpots with springs beside them (Deeks & Randolph; Do et al. 2023, eqs. 10, 15, 16).
 
     k_n = 2 G / r_b, k_s = G / (2 r_b), ``radius`` r_b (m) the distance to the source; the springs
@@ -56,7 +56,7 @@ class Viscoelastic(Viscous):
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work ∫ (Z v + k u)·w, and the energy absorbed and stored."""
         viscous = super().bind(scene)
-        has("material of Viscoelastic", self.material, ("lame",))
+        has(f"material of {type(self).__name__}", self.material, ("lame",))
         patch, motion = scene.patch(self.on), scene.motion
         G = self.material.lame[1]
         stiffness = 2 * G / self.radius, G / (2 * self.radius)

@@ -28,6 +28,8 @@ class Contribution:
     ``memory``: arrays by name that ``after`` changes in place, and that the next step depends on: a
     checkpoint keeps them, and a step that is taken back takes them back.
     ``symmetric``: whether the derivative of ``work`` is.
+    ``holds``: it keeps a body from rigid motions that supports leave free, as springs do; a
+    quasi-static run then does not refuse those.
     ``note``: what ``print(run)`` says of the term beyond its name.
     """
 
@@ -38,4 +40,5 @@ class Contribution:
     after: list[Callable[[], None]] = field(default_factory=list)
     memory: Mapping[str, np.ndarray] = field(default_factory=dict)
     symmetric: bool = True
+    holds: bool = False
     note: str = ""

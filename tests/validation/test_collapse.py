@@ -20,6 +20,7 @@ from mpm_fenicsx import (
     Newton,
     RunError,
     Simulation,
+    Solver,
     VonMises,
 )
 
@@ -40,7 +41,7 @@ def block(mapping, law, h, ramp, dt, newton=None):
         Newmark(dt),
         [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom")), weight],
         mapping,
-        newton=newton,
+        solver=Solver(newton=newton),
     )
     return run, body, run.record(Energy())
 

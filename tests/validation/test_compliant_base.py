@@ -21,7 +21,7 @@ from mpm_fenicsx import (
     Newmark,
     Simulation,
     Traction,
-    Viscous,
+    ViscousBoundary,
 )
 from mpm_fenicsx.analytical.waves import relative_error
 
@@ -54,7 +54,11 @@ def shake(mapping, courant=0.5):
     else:
         body = MaterialPoints.fill(grid, ROCK, 4, inside=lambda x: (x[1] > 0) & (x[1] < L))
         base = body.surface("bottom")
-    terms = [walls, Viscous(base, ROCK), Traction(base, lambda t: (2 * Z * velocity(t), 0.0))]
+    terms = [
+        walls,
+        ViscousBoundary(base, ROCK),
+        Traction(base, lambda t: (2 * Z * velocity(t), 0.0)),
+    ]
     run = (
         FiniteElements(grid, ROCK, stepping, terms)
         if mapping is None

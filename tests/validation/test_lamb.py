@@ -22,7 +22,7 @@ from mpm_fenicsx import (
     Newmark,
     Simulation,
     Traction,
-    Viscous,
+    ViscousBoundary,
 )
 from mpm_fenicsx.analytical.waves import rayleigh_speed
 
@@ -57,8 +57,8 @@ def surface_speed(mapping, poisson, wave=12):
     terms = [
         Fixed(grid.facets("left"), "x"),
         Traction(top, load),
-        Viscous(side, soil),
-        Viscous(base, soil),
+        ViscousBoundary(side, soil),
+        ViscousBoundary(base, soil),
     ]
     terms += [GhostPenalty()] if mapping in LINEAR else []
     run = (

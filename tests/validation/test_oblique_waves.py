@@ -24,7 +24,7 @@ from mpm_fenicsx import (
     MaterialPoints,
     Newmark,
     Simulation,
-    Viscous,
+    ViscousBoundary,
 )
 from mpm_fenicsx.analytical.waves import dashpot_echo
 from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
@@ -110,7 +110,10 @@ def sent(mapping, wave, degrees, poisson, courant=0.5, **keywords):
     size = 1e-6
     if mapping is None:
         grid = Grid.box((0, 0), (packet.cells, height), (packet.cells, height))
-        terms = [Fixed(grid.facets("left", "right"), side), Viscous(grid.facets("bottom"), soil)]
+        terms = [
+            Fixed(grid.facets("left", "right"), side),
+            ViscousBoundary(grid.facets("bottom"), soil),
+        ]
         run = FiniteElements(grid, soil, stepping, terms, **keywords)
         u, _, v, a = packet.at(grid.space.tabulate_dof_coordinates()[:, :2])
         for f, value in ((run.displacement, u), (run.motion.v, v), (run.motion.a, a)):
@@ -128,7 +131,10 @@ def sent(mapping, wave, degrees, poisson, courant=0.5, **keywords):
             grid,
             body,
             stepping,
-            [Fixed(grid.facets("left", "right"), side), Viscous(body.surface("bottom"), soil)],
+            [
+                Fixed(grid.facets("left", "right"), side),
+                ViscousBoundary(body.surface("bottom"), soil),
+            ],
             mapping,
             **keywords,
         )

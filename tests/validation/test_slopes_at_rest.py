@@ -9,9 +9,9 @@ gives exp(0.83 t/s) here, which is seen to grow from 1e-11.
 
 import numpy as np
 import pytest
-from slopes import BODIES, SOIL, WEAK, WEAK_BLOCK, AtRest
 
 from mpm_fenicsx import DM_G, DM_GC, DM_GCL, GIMP
+from mpm_fenicsx.scenes.slope import BODIES, SOIL, WEAK, WEAK_BLOCK, AtRest
 
 pytestmark = pytest.mark.validation
 

@@ -8,7 +8,7 @@ import pytest
 from methods import LINEAR, METHODS, SLACK
 from test_switch import SOIL, Column
 
-from mpm_fenicsx import DM_GC, Viscous
+from mpm_fenicsx import DM_GC, ViscousBoundary
 
 pytestmark = pytest.mark.validation
 
@@ -18,7 +18,7 @@ def test_with_its_reactions_nothing_moves(mapping, record):
     column = Column(mapping)
     surfaces = column.surfaces(walls=False)
     run = column.release(
-        surfaces, column.static.reactions(*surfaces) + [Viscous(s, SOIL) for s in surfaces]
+        surfaces, column.static.reactions(*surfaces) + [ViscousBoundary(s, SOIL) for s in surfaces]
     )
     fastest = 0.0
     for _ in range(200):
@@ -39,7 +39,7 @@ def test_without_them_the_column_drifts(mapping, record):
     """
     column = Column(mapping)
     surfaces = column.surfaces(walls=False)
-    run = column.release(surfaces, [Viscous(s, SOIL) for s in surfaces])
+    run = column.release(surfaces, [ViscousBoundary(s, SOIL) for s in surfaces])
     run.until(0.145)
     assert run.time > 3 * (2 * column.height / SOIL.p_speed)
     error = 0.0

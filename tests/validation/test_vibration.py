@@ -4,6 +4,8 @@
 Exact: u = (v₀/ω) sin βx sin ωt, β = π/2L, ω = β √(E/ρ); its energy stays.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from methods import FED, POINTS, UNSTABLE, name
@@ -50,7 +52,7 @@ def vibrate(mapping, sweeps, strain, radius=1.0):
         place, velocity = grid.space.tabulate_dof_coordinates(), run.motion.nodal(run.motion.v)
     else:
         body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < N * H)
-        run = Simulation(grid, body, stepping, terms, mapping, sweeps=sweeps)
+        run = Simulation(grid, body, stepping, terms, replace(mapping, sweeps=sweeps))
         place, velocity = body.x, body.velocity
     x = place[:, 0].copy()
     velocity[:, 0] = v0 * np.sin(BETA * x)

@@ -1,18 +1,30 @@
 """Bodies that are no rectangles on grid lines, at rest under gravity, and then released onto
-dashpots."""
+dashpots.
+
+Exact: a base bears the weight (``borne`` is 1 along gravity), and nothing moves at the release and
+after (``fastest`` is 0).  Units: m, s, kg, Pa.
+
+    rest = AtRest("slope", 0.15, DM_GC)
+    run = rest.release()
+    run.until(0.1)
+    rest.borne(), rest.fastest()
+"""
+
+from __future__ import annotations
 
 import numpy as np
 
-from mpm_fenicsx import (
+from .. import (
     Fixed,
     Gravity,
     Grid,
     LinearElastic,
+    Mapping,
     MaterialPoints,
     Newmark,
     QuasiStatic,
     Simulation,
-    Viscous,
+    ViscousBoundary,
     VonMises,
 )
 
@@ -39,7 +51,15 @@ class AtRest:
     between rollers.
     """
 
-    def __init__(self, name, offset, mapping, soil=SOIL, base=None, dim=2):
+    def __init__(
+        self,
+        name: str,
+        offset: float,
+        mapping: Mapping,
+        soil=SOIL,
+        base: str | None = None,
+        dim: int = 2,
+    ):
         shape, self.across, self.walls = BODIES[name]
         self.mapping, self.soil, self.offset, self.dim = mapping, soil, offset, dim
         upper = [self.across * H, HEIGHT, 2 * H][:dim]
@@ -63,7 +83,7 @@ class AtRest:
         self.static.step()
         self.left = self.static.settle()
 
-    def grid(self, room):
+    def grid(self, room: int) -> Grid:
         """Lines of the grid; with ``room`` there are so many cells more below and beside the
         walls."""
         n, lines = self.across, []
@@ -75,11 +95,12 @@ class AtRest:
         lines = [np.concatenate((before, line, line[-1] + after)) for line in lines]
         return Grid.rectilinear([*lines, H * np.arange(3)][: self.dim])
 
-    def rollers(self, grid):
+    def rollers(self, grid: Grid) -> list:
+        """What keeps a body in 3D between its two sides."""
         return [Fixed(grid.facets("back", "front"), "z")] if self.dim == 3 else []
 
-    def release(self, dt=1e-3, **options):
-        """The same body between dashpots which bear what the fixed edges bore."""
+    def release(self, dt: float = 1e-3) -> Simulation:
+        """The same body between dashpots which bear what the fixed edges bore, steps of dt (s)."""
         surfaces = [self.body.surface("bottom", where=lambda x: x[1] < 1e-6 * H)]
         for wall in self.walls:
             at = 0.0 if wall == "left" else self.across * H
@@ -95,19 +116,18 @@ class AtRest:
             [
                 Gravity((0.0, -G, 0.0)[: self.dim]),
                 *carried,
-                *(Viscous(on, SOIL) for on in surfaces),
+                *(ViscousBoundary(on, SOIL) for on in surfaces),
                 *self.rollers(grid),
             ],
             self.mapping,
-            **options,
         )
 
-    def borne(self):
+    def borne(self) -> np.ndarray:
         """What the base bears of the weight, and both walls together of what is pushed against
-        them."""
+        them (dim,)."""
         force = self.static.balance()[0].reshape(-1, self.dim).sum(axis=0)
         return force / (G * self.body.mass.sum())
 
-    def fastest(self):
+    def fastest(self) -> float:
         """Largest velocity, of ``SPEED``."""
         return float(np.abs(self.body.velocity).max() / SPEED)

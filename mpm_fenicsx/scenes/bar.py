@@ -1,5 +1,5 @@
-"""Bars whose motion is chosen and whose body force follows from it (``exact.Bar``), as runs of both
-kinds.
+"""Bars whose motion is chosen and whose body force follows from it (``analytical.bar.Bar``), as
+runs of both kinds.
 
     standing   ends held, tiny amplitude: points stay in their cells
     moving     free ends, the same while the bar drifts over a fifth of its length, support domains
@@ -9,6 +9,12 @@ kinds.
 
 A bar of 1 m × 0.1 m with rollers along it, ν = 0, over one period of the motion.  What is tiny
 strains by 6e-6, so that the linear answer is exact to that share.  Units: m, s, kg, Pa.
+
+    moving = BARS["moving"]
+    run = material_points(moving, DM_GC, cell=0.05, dt=moving.period / 80)
+    watch = Watch(run, moving)
+    run.until(moving.period, lambda steps: watch())
+    watch.errors()
 """
 
 from __future__ import annotations
@@ -17,19 +23,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from mpm_fenicsx import (
+from .. import (
     FiniteElements,
     Fixed,
     Gravity,
     Grid,
     Hencky,
     LinearElastic,
+    Mapping,
     MaterialPoints,
     Newmark,
     Simulation,
 )
-from mpm_fenicsx.analytical.bar import Bar
-from mpm_fenicsx.mapping.shape_functions import Stencil
+from ..analytical.bar import Bar
+from ..mapping.shape_functions import Stencil
 
 length, height = 1.0, 0.1
 young, density = 1e6, 1000.0
@@ -62,7 +69,7 @@ def material(bar: Bar):
     return (Hencky if bar.hencky else LinearElastic)(young, 0.0, density)
 
 
-def elements(bar: Bar, cell: float, dt: float, **options) -> FiniteElements:
+def finite_elements(bar: Bar, cell: float, dt: float, **options) -> FiniteElements:
     """The twin, on the bar at rest, where no drift is seen."""
     bar = replace(bar, drift=0.0)
     grid = Grid.box((0, 0), (length, height), (round(length / cell), round(height / cell)))
@@ -75,17 +82,21 @@ def elements(bar: Bar, cell: float, dt: float, **options) -> FiniteElements:
     return run
 
 
-def points(
+def material_points(
     bar: Bar,
-    mapping,
+    mapping: Mapping,
     cell: float,
     dt: float,
-    per_cell: int,
+    per_cell: int = 4,
     random: bool = False,
-    kind: type = Simulation,
+    *,
+    more: list = (),
     **options,
 ) -> Simulation:
-    """Material points, with room for the drift and two cells more where the ends are free."""
+    """Material points, with room for the drift and two cells more where the ends are free.
+
+    ``random``: support domains of random sizes; ``more`` terms; ``options`` of ``Simulation``.
+    """
     room = 2 * bar.free
     grid = Grid.box(
         (-room * cell, 0),
@@ -98,7 +109,8 @@ def points(
     body = tiles(material(bar), cell / round(per_cell**0.5), jitter * random)
     body.velocity = np.zeros_like(body.x)
     body.velocity[:, 0] = bar.drift + bar.velocity(body.x[:, 0], 0.0)
-    return kind(grid, body, Newmark(dt), terms(bar, grid, dt, bar.particle), mapping, **options)
+    scene = [*terms(bar, grid, dt, bar.particle), *more]
+    return Simulation(grid, body, Newmark(dt), scene, mapping, **options)
 
 
 def tiles(soil, size: float, jitter: float) -> MaterialPoints:

@@ -1,0 +1,169 @@
+"""A strip presses on soil that softens, between fixed, viscous or viscoelastic boundaries.
+
+The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2.  Units: m, s, kg, Pa.
+The paper prints neither load nor softening modulus nor the points' places: they are assumed here,
+as are rollers where the sides are fixed.  Its quasi-static first step is left out: without gravity
+there is nothing at rest to carry over.
+
+No exact answer of the whole is known.  Known are the yield plateau (``plateau``), the time at which
+a boundary is felt first (the P wave's way there and back) and, of a strip that is pressed slowly,
+the capacity (2 + π) c (``scenes.strip``).
+
+    scene = Foundation("viscous", cell=0.125)
+    run = scene.material_points()
+    run.until(end)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from .. import (
+    DM_GC,
+    FiniteElements,
+    Fixed,
+    Grid,
+    Law,
+    LinearElastic,
+    Mapping,
+    MaterialPoints,
+    Newmark,
+    Simulation,
+    Traction,
+    ViscoelasticBoundary,
+    ViscousBoundary,
+    VonMises,
+)
+
+BOUNDARIES = ("fixed", "viscous", "viscoelastic")
+
+# The paper's.
+width, height, strip = 6.0, 4.0, 1.0
+elastic = LinearElastic(young=2e6, poisson=0.41, density=1000.0)
+peak, residual = 10e3, 3e3  # cohesion
+plateau = 3**0.5 * peak  # of the deviatoric stress, in all that follows q = √(3/2 s:s)
+end, dt = 0.925, 5e-3
+
+# Assumed: the paper prints none of these.
+ASSUMED = "assumed: load, softening, places of the points, radius; no quasi-static first step"
+softening = 50e3  # of cohesion, a unit of plastic strain
+load = 26e3
+first, on, off = 0.225, 0.2, 0.1  # half-sines: start of the first, duration, pause
+radius = 4.0  # from the strip to the base, for the springs
+axis = width / 2
+point_1, point_2 = (axis, height - 0.5), (axis, height - 0.97)
+
+
+def pulses(t, load):
+    """Half-sines with pauses."""
+    since = np.asarray(t) - first
+    phase = since % (on + off)
+    return np.where((since > 0) & (phase < on), load * np.sin(np.pi * phase / on), 0.0)
+
+
+def soil(softening=softening) -> VonMises:
+    """Von Mises soil of a softening (Pa)."""
+    return VonMises(elastic, peak, residual, softening)
+
+
+def under_strip(x):
+    """Whether x lies within the strip's width."""
+    return np.abs(x[0] - axis) < strip / 2 + 1e-9
+
+
+@dataclass(frozen=True)
+class Foundation:
+    """The foundation between one kind of boundary, under a load.
+
+    ``boundary``: one of ``BOUNDARIES``; ``load`` (Pa) and ``history`` (t, load), the pressure (Pa)
+    on the strip; ``softening`` (Pa), or the soil's whole ``law``; ``cell`` (m), ``step`` (s);
+    ``loading``: ``Traction``, or ``DeadLoad`` that keeps its force; ``more`` terms.
+    """
+
+    boundary: str
+    load: float = load
+    softening: float = softening
+    cell: float = 0.0625
+    step: float = dt
+    history: Callable = pulses
+    loading: type = Traction
+    law: Law | None = None
+    more: tuple = ()
+
+    @property
+    def soil(self) -> Law:
+        """The law of the body."""
+        return self.law or soil(self.softening)
+
+    def terms(self, surface, grid) -> list:
+        """The scene; ``surface`` gives facets to finite elements and surface points to material
+        points."""
+        pressed = self.loading(
+            surface("top", where=under_strip),
+            lambda t: (0.0, -float(self.history(t, self.load))),
+        )
+        if self.boundary == "fixed":
+            edges = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
+        else:
+            edge = surface("left", "right", "bottom")
+            edges = [
+                ViscousBoundary(edge, elastic)
+                if self.boundary == "viscous"
+                else ViscoelasticBoundary(edge, elastic, radius)
+            ]
+        return [pressed, *edges, *self.more]
+
+    def finite_elements(self, **options) -> FiniteElements:
+        """The twin, small strain: facets of the mesh bear the load and the dashpots; ``options`` of
+        ``FiniteElements``."""
+        grid = Grid.box(
+            (0, 0),
+            (width, height),
+            (round(width / self.cell), round(height / self.cell)),
+            facets={"strip": lambda x: under_strip(x) & (np.abs(x[1] - height) < 1e-9)},
+        )
+
+        def surface(*sides, where=None):
+            return grid.facets("strip") if where else grid.facets(*sides)
+
+        return FiniteElements(
+            grid, self.soil, Newmark(self.step), self.terms(surface, grid), **options
+        )
+
+    def grid(self, room: float = 0.25) -> Grid:
+        """Of material points: with ``room`` (m, whole cells at least) for heave, and around sides
+        and base where they drift."""
+        rows = int(np.ceil(room / self.cell - 1e-9))
+        around, room = rows * (self.boundary != "fixed"), rows * self.cell
+        edge = around * self.cell
+        return Grid.box(
+            (-edge, -edge),
+            (width + edge, height + room),
+            (
+                round(width / self.cell) + 2 * around,
+                round(height / self.cell) + around + rows,
+            ),
+        )
+
+    def material_points(
+        self,
+        mapping: Mapping = DM_GC,
+        grid: Grid | None = None,
+        *,
+        kind: type = Simulation,
+        **options,
+    ) -> Simulation:
+        """Material points, four a cell, on ``grid`` or one that is made for them; ``options`` of
+        ``Simulation``, or of the ``kind`` of it."""
+        grid = self.grid() if grid is None else grid
+        points = MaterialPoints.fill(
+            grid,
+            self.soil,
+            per_cell=4,
+            inside=lambda x: (x[0] > 0) & (x[0] < width) & (x[1] > 0) & (x[1] < height),
+        )
+        scene = self.terms(points.surface, grid)
+        return kind(grid, points, Newmark(self.step), scene, mapping, **options)

@@ -1,0 +1,183 @@
+"""What a user adds of his own: each of the worked extensions in demos/extensions is one file, and
+right."""
+
+import sys
+from pathlib import Path
+
+import dense
+import numpy as np
+import pytest
+
+from mpm_fenicsx import (
+    DM_GC,
+    GIMP,
+    MPM,
+    Energy,
+    FiniteElements,
+    Fixed,
+    Grid,
+    LinearElastic,
+    MaterialPoints,
+    Newmark,
+    QuasiStatic,
+    Simulation,
+    Traction,
+)
+from mpm_fenicsx.common import tensors
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "demos" / "extensions"))
+from drucker_prager import DruckerPrager
+from rayleigh_damping import RayleighDamping, energy_left
+from winkler_boundary import WinklerBoundary, settled
+
+SOIL = LinearElastic(young=20e6, poisson=0.3, density=1800.0)
+LAW = DruckerPrager(SOIL, friction=1.2, dilation=0.3, cohesion=10e3)
+
+
+# -- a boundary ------------------------------------------------------------------------------------
+
+
+def test_a_block_settles_on_winklers_bed():
+    computed, exact = settled()
+    assert computed == pytest.approx(exact, rel=1e-8)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_on_facets_too_with_energy_in_balance_and_across_a_restart(dim, tmp_path):
+    """Elements under a sudden load on springs: work is kinetic, strain and stored energy."""
+    from mpm_fenicsx import Checkpoint
+
+    def scene():
+        grid = dense.uneven(dim)
+        side = "top" if dim == 2 else "front"
+        foot = "bottom" if dim == 2 else "back"
+        load = (0.0,) * (dim - 1) + (-1e3,)
+        terms = [Traction(grid.facets(side), load), WinklerBoundary(grid.facets(foot), 1e6, 2e5)]
+        run = FiniteElements(grid, SOIL, Newmark(1e-3), terms)
+        return run, run.record(Energy())
+
+    run, energy = scene()
+    run.record(Checkpoint(tmp_path / "half", every=10))
+    for _ in range(19):
+        run.step()
+    assert energy["stored"][-1] > 0.01 * energy["work"][-1]
+    assert np.abs(energy.lost).max() < 1e-10 * energy["work"].max()
+    again, _ = scene()
+    again.record(Checkpoint(tmp_path / "other"))
+    again.restart(tmp_path / "half")
+    for _ in range(9):
+        again.step()
+    np.testing.assert_array_equal(again.displacement.x.array, run.displacement.x.array)
+
+
+# -- damping ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mapping", [None, DM_GC, GIMP], ids=lambda m: str(m or "FE"))
+def test_a_standing_wave_loses_what_rayleigh_says(mapping):
+    computed, exact = energy_left(mapping)
+    assert computed == pytest.approx(exact, rel=5e-3)
+
+
+@pytest.mark.parametrize("mapping", [None, MPM, DM_GC], ids=lambda m: str(m or "FE"))
+def test_damping_of_each_material_is_that_of_all(mapping):
+    """Two layers, one term for both or one each; what is damped is in the balance."""
+    stiff = LinearElastic(young=50e6, poisson=0.2, density=2000.0)
+    found = []
+    for terms in (
+        [RayleighDamping(5.0, 1e-4)],
+        [RayleighDamping(5.0, 1e-4, SOIL), RayleighDamping(5.0, 1e-4, stiff)],
+    ):
+        grid = Grid.box((0.0, 0.0), (1.0, 2.0), (2, 4))
+        layers = [
+            MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] > 1.0),
+            MaterialPoints.fill(grid, stiff, 4, lambda x: x[1] < 1.0),
+        ]
+        terms = [*terms, Fixed(grid.facets("bottom")), Traction(grid.facets("top"), (0.0, -1e3))]
+        if mapping is None:
+            run = FiniteElements(grid, layers, Newmark(1e-3), terms)
+        else:
+            run = Simulation(grid, layers, Newmark(1e-3), terms, mapping)
+        energy = run.record(Energy())
+        for _ in range(20):
+            run.step()
+        assert energy.names[-1] == "damped" and energy["damped"][-1] > 0.0
+        found.append((run, energy))
+    (one, energy), (each, energies) = found
+    np.testing.assert_allclose(energies.values, energy.values, rtol=1e-9, atol=1e-12)
+    if mapping is None:
+        assert np.abs(energy.lost).max() < 1e-9 * energy["work"].max()
+        np.testing.assert_allclose(
+            each.displacement.x.array, one.displacement.x.array, rtol=1e-9, atol=1e-16
+        )
+
+
+def test_damping_of_a_material_that_is_not_there_is_refused():
+    grid = Grid.box((0.0, 0.0), (1.0, 1.0), (2, 2))
+    body, other = MaterialPoints.fill(grid, SOIL, 4), LinearElastic(1e6, 0.3, 1e3)
+    for make in (
+        lambda term: Simulation(grid, body, Newmark(1e-3), [term]),
+        lambda term: FiniteElements(grid, SOIL, Newmark(1e-3), [term]),
+    ):
+        with pytest.raises(ValueError, match=r"no (body|cell) is of the material LinearElastic"):
+            make(RayleighDamping(1.0, 0.0, other))
+    with pytest.raises(ValueError, match="RayleighDamping needs velocities: step with Newmark"):
+        Simulation(grid, body, QuasiStatic(1), [RayleighDamping(1.0, 0.0)])
+
+
+# -- a law -----------------------------------------------------------------------------------------
+
+
+def states(dim, n=40):
+    """Increments of strain that leave points elastic, let them flow, or take them to the apex."""
+    rng = np.random.default_rng(3)
+    count = tensors.components(dim)
+    strain = np.geomspace(1e-5, 3e-3, n)[:, None] * rng.normal(size=(n, count))
+    stress = np.zeros((n, count))
+    stress[:, :3] = rng.uniform(-10e3, 2e3, n)[:, None]
+    return strain, stress, np.zeros((n, 1))
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_tangent_is_the_derivative_and_stress_stays_within_the_cone(dim):
+    strain, stress, history = states(dim)
+    new, work, D = LAW.tangent(strain, stress, history)
+    q, p = tensors.von_mises(new), tensors.mean(new)
+    assert (q + LAW.friction * p).max() < LAW.cohesion * (1 + 1e-9)
+    flows = work[:, 0] > 0.0
+    assert 5 < flows.sum() < 35 and (q[flows] < 1.0).any() and (work >= 0.0).all()
+    exact = np.empty_like(D)
+    for j in range(strain.shape[1]):
+        move = 1e-9 * np.eye(strain.shape[1])[j]
+        up, down = (LAW.tangent(strain + s * move, stress, history)[0] for s in (1, -1))
+        exact[:, :, j] = (up - down) / 2e-9
+    wrong = np.abs(D - exact).max(axis=(1, 2)) / LAW.lame[0]
+    assert np.median(wrong) < 1e-6 and wrong.max() < 1e-4
+
+
+@pytest.mark.parametrize("mapping", [None, MPM, DM_GC], ids=lambda m: str(m or "FE"))
+@pytest.mark.parametrize("stepping", [QuasiStatic(4), Newmark(2e-3)], ids=["static", "dynamic"])
+def test_simple_shear_ends_at_the_cone_and_the_solver_is_one_for_such_matrices(mapping, stepping):
+    """Flow without change of volume under a given pressure: τ = (k - μ p)/√3 wherever it is
+    sheared."""
+    law = DruckerPrager(SOIL, friction=0.6, dilation=0.0, cohesion=10e3)
+    grid = Grid.box((0.0, 0.0), (1.0, 1.0), (1, 1))
+    far = 0.01
+    terms = [Fixed(grid.facets(side), "y") for side in ("left", "right", "bottom", "top")]
+    if not stepping.dynamic:
+        terms += [
+            Fixed(grid.facets("bottom"), "x"),
+            Fixed(grid.facets("top"), "x", lambda t: far * t),
+        ]
+    if mapping is None:
+        run = FiniteElements(grid, law, stepping, terms)
+    else:
+        run = Simulation(grid, MaterialPoints.fill(grid, law, 4), stepping, terms, mapping)
+    kind = run.equilibrium.ksp.getType(), run.equilibrium.ksp.getPC().getType()
+    factored = not stepping.dynamic or mapping is None
+    assert kind == (("preonly", "lu") if factored else ("gmres", "ilu"))
+    for _ in range(4):
+        run.step()
+    if not stepping.dynamic:
+        stress = run.stress(np.arange(1)) if mapping is None else run.bodies[0].stress
+        np.testing.assert_allclose(stress[:, 3], 10e3 / np.sqrt(3), rtol=1e-6)

@@ -1,0 +1,199 @@
+"""Options as releases before had them: each works, says what to write now, and is the same run."""
+
+import re
+from dataclasses import replace
+
+import dense
+import numpy as np
+import plastic
+import pytest
+
+import mpm_fenicsx
+from mpm_fenicsx import (
+    DM_GC,
+    GIMP,
+    PAPER,
+    AccelerationCorrection,
+    FiniteElements,
+    InitialAcceleration,
+    MaterialPoints,
+    Newmark,
+    Newton,
+    Simulation,
+    Solver,
+    flip,
+)
+from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
+
+LUMPED, OFF = AccelerationCorrection.LUMPED, AccelerationCorrection.OFF
+NEWTON, FACTOR = Newton(tolerance=1e-3, cuts=1), {"ksp_type": "preonly", "pc_type": "lu"}
+
+
+def points(law=dense.SOIL, mapping=DM_GC, solver=None, **old):
+    """Points that move at random under gravity and pressure."""
+    grid = dense.uneven(2)
+    body = MaterialPoints.fill(grid, law, 4, jitter=0.2)
+    body.velocity = np.random.default_rng(1).normal(size=body.x.shape)
+    terms = plastic.loads(grid, 10.0)
+    return Simulation(grid, body, Newmark(1e-3), terms, mapping, solver, **old)
+
+
+def elements(law=dense.SOIL, solver=None, **old):
+    """Finite elements under the same loads, and more of them."""
+    grid = dense.uneven(2)
+    return FiniteElements(grid, law, Newmark(1e-3), plastic.loads(grid, 1e4), solver=solver, **old)
+
+
+def says(now):
+    return pytest.warns(DeprecationWarning, match=re.escape(f" is now {now}"))
+
+
+def same(*runs):
+    """Three steps of both are alike to the last bit."""
+    for run in runs:
+        for _ in range(3):
+            run.step()
+    one, other = (run.state() for run in runs)
+    assert one.keys() == other.keys()
+    for name, value in one.items():
+        np.testing.assert_array_equal(value, other[name], err_msg=name)
+
+
+# -- arguments -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("old", "now", "mapping"),
+    [
+        ({"sweeps": 2}, "replace(mapping, sweeps=...)", replace(DM_GC, sweeps=2)),
+        ({"transfer": flip}, "replace(mapping, transfer=...)", replace(DM_GC, transfer=flip)),
+        ({"correction": OFF}, "replace(mapping, correction=...)", replace(DM_GC, correction=OFF)),
+        ({"b_bar": True}, "replace(mapping, b_bar=...)", replace(DM_GC, b_bar=True)),
+        (
+            {"hold_cut_cells": False},
+            "replace(mapping, hold_cut_cells=...)",
+            replace(DM_GC, hold_cut_cells=False),
+        ),
+        ({"balanced": True}, "replace(mapping, correction=", replace(DM_GC, correction=LUMPED)),
+        ({"balanced": False}, "replace(mapping, correction=", replace(DM_GC, correction=OFF)),
+    ],
+    ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
+)
+def test_what_is_of_the_mapping_now(old, now, mapping):
+    with says(f"mapping={now}") as heard:
+        before = points(**old)
+    assert len(heard) == 1
+    assert before.mapping == mapping != DM_GC and before.solver == Solver()
+    same(before, points(mapping=mapping))
+
+
+@pytest.mark.parametrize(
+    ("old", "now", "solver"),
+    [
+        ({"newton": NEWTON}, "Solver(newton=...)", Solver(newton=NEWTON)),
+        ({"newton": None}, "Solver(newton=...)", Solver()),
+        ({"solver": FACTOR}, "Solver(petsc={...})", Solver(petsc=FACTOR)),
+    ],
+    ids=["newton", "no newton", "solver"],
+)
+@pytest.mark.parametrize("kind", [points, elements])
+def test_what_is_of_the_solver_now(kind, old, now, solver):
+    with says(f"solver={now}") as heard:
+        before = kind(plastic.LAW, **old)
+    assert len(heard) == 1
+    assert before.solver == solver
+    same(before, kind(plastic.LAW, solver=solver))
+    assert before.equilibrium.solves > 3  # it yields
+
+
+def test_reuse_is_of_the_solver_now():
+    with says("solver=Solver(reuse=...)"):
+        before = points(reuse=1e-2)
+    now = points(solver=Solver(reuse=1e-2))
+    assert (before.mapping, before.solver) == (now.mapping, now.solver)
+    same(before, now)
+
+
+def test_old_arguments_go_with_each_other_and_with_objects():
+    mapping, solver = replace(GIMP, sweeps=3), Solver(petsc=FACTOR)
+    with pytest.warns(DeprecationWarning) as heard:
+        run = points(plastic.LAW, mapping, solver, transfer=flip, correction=OFF, newton=NEWTON)
+    assert len(heard) == 3
+    assert run.mapping == replace(GIMP, sweeps=3, transfer=flip, correction=OFF)
+    assert run.solver == Solver(newton=NEWTON, petsc=FACTOR)
+
+
+@pytest.mark.parametrize(
+    ("old", "words"),
+    [
+        ({"sweeps": -1}, "^sweeps must be a whole number of at least 0, got -1$"),
+        ({"balanced": "yes"}, "^balanced must be True or False, got 'yes'$"),
+        ({"newton": 1e-6}, r"^newton must be Newton\(tolerance\), got 1e-06$"),
+        ({"solver": {"-ksp_type": "cg"}}, "^petsc: names of PETSc options are texts .*'-ksp_type'"),
+    ],
+)
+def test_old_arguments_are_refused_as_new_ones_are(old, words):
+    with pytest.warns(DeprecationWarning), pytest.raises(ValueError, match=words):
+        points(**old)
+
+
+def test_an_argument_that_there_never_was_is_named():
+    with pytest.raises(TypeError, match=r"^Simulation takes no argument sweep; see help\("):
+        points(sweep=2)
+    with pytest.raises(TypeError, match=r"^FiniteElements takes no argument sweeps, transfer; see"):
+        elements(sweeps=2, transfer=flip)
+
+
+# -- names -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["Viscous", "Viscoelastic"])
+def test_the_old_name_of_a_boundary_is_its_new_one(name):
+    with pytest.warns(DeprecationWarning, match=rf"^mpm_fenicsx\.{name} is now {name}Boundary$"):
+        found = getattr(mpm_fenicsx, name)
+    assert found is getattr(mpm_fenicsx, f"{name}Boundary")
+    assert name not in mpm_fenicsx.__all__
+
+
+def test_the_warning_of_an_old_name_is_of_the_line_that_has_it():
+    with pytest.warns(DeprecationWarning) as heard:
+        from mpm_fenicsx import Viscous  # noqa: F401
+    assert heard[0].filename == __file__
+
+
+def test_a_name_that_there_never_was_is_none():
+    with pytest.raises(AttributeError, match="module 'mpm_fenicsx' has no attribute 'Viscose'"):
+        _ = mpm_fenicsx.Viscose
+
+
+# -- the paper -------------------------------------------------------------------------------------
+
+
+def test_the_papers_step_is_a_mapping_and_a_start():
+    paper = replace(DM_GC, mass=DOUBLE_MAPPED)
+    mapping = replace(paper, sweeps=0, correction=OFF, hold_cut_cells=False)
+    start = {"initial_acceleration": InitialAcceleration.ZERO}
+    assert PAPER == {"mapping": mapping, **start}
+    with pytest.warns(DeprecationWarning):
+        before = points(mapping=paper, sweeps=0, correction=OFF, hold_cut_cells=False, **start)
+    same(before, points(**PAPER))
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        "Simulation(grid, body, step, [], sweeps=2)",
+        "Simulation(grid, body, step, [], balanced=True)",
+        "Simulation(grid, body, step, [], newton=None)",
+        "Simulation(grid, body, step, [], solver={})",
+        "FiniteElements(grid, body, step, [], newton=None)",
+        "FiniteElements(grid, body, step, [], solver={})",
+    ],
+)
+def test_the_warning_is_of_the_line_that_has_the_old_argument(call):
+    """Of any other line Python shows a script no DeprecationWarning."""
+    names = {"grid": dense.uneven(2), "step": Newmark(1e-3)}
+    names["body"] = MaterialPoints.fill(names["grid"], dense.SOIL, 4)
+    with pytest.warns(DeprecationWarning) as heard:
+        exec(compile(call, "script", "exec"), {**vars(mpm_fenicsx), **names})
+    assert heard[0].filename == "script"
