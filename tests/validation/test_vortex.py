@@ -12,11 +12,9 @@ has no one answer.
 
 import numpy as np
 import pytest
-from methods import over
+from methods import TILING, over
 
 from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
     FiniteElements,
     Fixed,
     Gravity,
@@ -162,7 +160,7 @@ def test_the_body_force_balances():
     )
 
 
-@over(None, DM_GC, GIMP)
+@over(None, *TILING)
 def test_order(mapping, record):
     """2 in displacement, with the acceleration that the balance of forces starts with; less from
     none."""
