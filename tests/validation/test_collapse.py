@@ -82,8 +82,8 @@ def test_the_energy_of_finite_elements_balances(record):
 )
 def test_collapse_runs_to_rest_and_its_energy_balances(mapping, h, record):
     """c = 20/√3 kPa, E = 1 MPa: it runs out to about twice its width.  The balance closes within 5
-    % of the work of gravity, which is the fall of the points, with linear weights, too, since light
-    nodes are tied: CMPM and DM stopped.  (GIMP's tangent is no derivative: at 1e-6 Newton stops at
+    % of the work of gravity, which is the fall of the points, with linear weights, too: CMPM
+    stopped as long as light nodes were not tied.  (GIMP's tangent is no derivative: at 1e-6 Newton stops at
     1.6 s.)"""
     tolerance = 1e-4 if mapping is GIMP else 1e-6
     law = VonMises(Hencky(1e6, 0.3, DENSITY), 20e3 / np.sqrt(3), 20e3 / np.sqrt(3), 0.0)
