@@ -6,7 +6,7 @@ Exact: with what the base bore as a traction nothing moves; without it the colum
 import numpy as np
 import pytest
 from methods import LINEAR, METHODS
-from test_switch import SOIL, Column
+from test_switch import SOIL, RestingColumn
 
 from mpm_fenicsx import Viscous
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.validation
 
 @METHODS
 def test_with_its_reactions_nothing_moves(mapping, record):
-    column = Column(mapping)
+    column = RestingColumn(mapping)
     surfaces = column.surfaces(walls=False)
     run = column.release(
         surfaces, column.static.reactions(*surfaces) + [Viscous(s, SOIL) for s in surfaces]
@@ -37,7 +37,7 @@ def test_without_them_the_column_drifts(mapping, record):
     light nodes follow the column: on their own, points without domains fell freely until they had
     crossed the line, too.
     """
-    column = Column(mapping)
+    column = RestingColumn(mapping)
     surfaces = column.surfaces(walls=False)
     run = column.release(surfaces, [Viscous(s, SOIL) for s in surfaces])
     run.until(0.145)
