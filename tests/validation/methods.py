@@ -17,10 +17,6 @@ FLIES = "a single point flies off where points cross cells"
 STRESS_LOST = "points that cross cells on linear shape functions lose their stress"
 STRAINS_APART = "stiffness has not the strain of the points: Newton's matrix is not the derivative"
 LOST = "internal force jumps where a point crosses a cell's edge: its gradient is that of one cell"
-SLACK = (
-    "an edge a little past a grid line puts its dashpots on nodes that no point reaches: they "
-    "yield, it is free"
-)
 UNSTABLE = (
     "strain or stiffness that is not the adjoint of the internal force feeds a free edge on linear "
     "weights"

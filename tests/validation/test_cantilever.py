@@ -11,8 +11,6 @@ from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
 from mpm_fenicsx import (
-    DM,
-    DM_C,
     FiniteElements,
     Fixed,
     Grid,
@@ -20,7 +18,6 @@ from mpm_fenicsx import (
     MaterialPoints,
     Probe,
     QuasiStatic,
-    RunError,
     Simulation,
     Traction,
 )
@@ -33,7 +30,6 @@ SHEAR = 5 / 6 * SOIL.lame[1]
 H = (0.5, 0.25, 0.125)
 ELASTICA = "2 cantilever, h = {:g} m: tip against the elastica, 1.2 % off itself for its depth"
 LIMIT = "2 cantilever, h = {:g} m: tip against the limit of finite elements"
-RUNS_AWAY = "linear shape functions: a node that a single point reaches runs away, and Newton stops"
 
 
 def elastica(depth, load, stretches=True, shears=True):
@@ -142,21 +138,16 @@ def test_the_tip_converges(mapping, record):
     for h, e in zip(H, error, strict=True):
         record(LIMIT.format(h), mapping, e)
     assert error[0] > error[1] > error[2]
-    assert error[2] < 0.01
+    assert error[2] < 0.0025
 
 
 @pytest.mark.parametrize("h", H)
 @over(*LINEAR)
-def test_linear_shape_functions_fail(mapping, h, record):
-    """Newton stops, or the tip is off by twice and more of what elements of 0.5 m are."""
-    try:
-        u = tip(mapping, h)
-    except RunError as error:
-        for case in (ELASTICA, LIMIT):
-            record(case.format(h), mapping, None, RUNS_AWAY)
-        assert "Newton does not converge" in str(error)
-        return
+def test_linear_shape_functions_do_not_converge(mapping, h, record):
+    """The tip is off by 3.7 to 7.1 %, whatever h is.  Newton stopped as long as a node that a
+    single point reaches was on its own: the light nodes around the end, on which the load acts, are
+    tied."""
+    u = tip(mapping, h)
     for case, exact in ((ELASTICA, elastica(1.0, 100e3)), (LIMIT, limit())):
         record(case.format(h), mapping, relative(u, exact), STRESS_LOST)
-    assert mapping in (DM, DM_C)
-    assert relative(u, limit()) > 0.05
+    assert 0.035 < relative(u, limit()) < (0.05 if mapping.composite else 0.078)

@@ -3,10 +3,9 @@ stands, or collapses."""
 
 import numpy as np
 import pytest
-from methods import FLIES, LINEAR, POINTS, STRAINS_APART
+from methods import POINTS
 
 from mpm_fenicsx import (
-    CMPM,
     DM_GC,
     GIMP,
     Energy,
@@ -18,7 +17,6 @@ from mpm_fenicsx import (
     MaterialPoints,
     Newmark,
     Newton,
-    RunError,
     Simulation,
     Solver,
     VonMises,
@@ -85,8 +83,9 @@ def test_the_energy_of_finite_elements_balances(record):
 )
 def test_collapse_runs_to_rest_and_its_energy_balances(mapping, h, record):
     """c = 20/√3 kPa, E = 1 MPa: it runs out to about twice its width.  The balance closes within 5
-    % of the work of gravity, which is the fall of the points.  (GIMP's tangent is no derivative: at
-    1e-6 Newton stops at 1.6 s.)"""
+    % of the work of gravity, which is the fall of the points, with linear weights, too: CMPM
+    stopped as long as light nodes were not tied.  (GIMP's tangent is no derivative: at 1e-6 Newton
+    stops at 1.6 s.)"""
     tolerance = 1e-4 if mapping is GIMP else 1e-6
     law = VonMises(Hencky(1e6, 0.3, DENSITY), 20e3 / np.sqrt(3), 20e3 / np.sqrt(3), 0.0)
     run, body, energy = block(
@@ -94,13 +93,7 @@ def test_collapse_runs_to_rest_and_its_energy_balances(mapping, h, record):
     )
     start = body.x.copy()
     case = f"collapse of a block, h = {h:g} m: energy not found"
-    try:
-        run.until(4.0)
-    except RunError as error:
-        record(case, mapping, None, STRAINS_APART if mapping is CMPM else FLIES)
-        assert mapping in LINEAR
-        assert ("Newton does not converge" if mapping is CMPM else "turns inside out") in str(error)
-        return
+    run.until(4.0)
     work = energy["work"][-1]
     lost = energy.lost[-1] / work
     record(case, mapping, abs(lost))

@@ -1,6 +1,8 @@
 """A column compacts under its own weight: 4 % of strain at its base, or 70 %; Lambert's W has the
 answer."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from methods import LINEAR, TILING, over
@@ -26,6 +28,8 @@ HEIGHT, DENSITY, G, STEPS = 50.0, 80.0, 10.0, 20
 CELLS = np.array([10, 20, 40, 80])
 SOFT = {1e6: "E = 1 MPa, 4 % strain", 1e4: "E = 10 kPa, 70 % strain"}
 SMALL = "1 compaction, small strain, 4 %: stress at h = 0.625 m"
+TIED = 1.7e-4
+"""Error of stress a metre of h, of composite strain."""
 LOST = (
     "points that cross cells on linear shape functions lose their stress; it does not fall with h"
 )
@@ -99,7 +103,10 @@ def test_the_answer_is_right(E):
 def test_henckys_column_converges(mapping, E, record):
     """At first order in stress at least, as GIMP does in the literature; in places faster.
 
-    Finite elements bear the exact weight at their centres, to Newton's tolerance.
+    Finite elements bear the exact weight at their centres, to Newton's tolerance.  With composite
+    strain, where errors are small, what counts is how the top cuts its cell as it comes down: where
+    its light node is tied, the last cells are less accurate (DM-GCL at h = 1.25 m 1.4e-4, untied
+    1.2e-5), and stress stays below a line of first order but does not fall with every h.
     """
     found = np.array([errors(mapping, Hencky(E, 0.0, DENSITY), n) for n in CELLS])
     for k, what in enumerate(("stress", "displacement")):
@@ -108,9 +115,24 @@ def test_henckys_column_converges(mapping, E, record):
     assert rate[1] > 1.5
     if mapping is None:
         assert found[:, 0].max() < 1e-6
+        return
+    assert (np.diff(found[:, 1]) < 0.0).all()
+    if mapping.composite and E == 1e6:
+        assert (found[:, 0] < TIED * HEIGHT / CELLS).all()
     else:
         assert rate[0] > 0.9
-        assert (np.diff(found, axis=0) < 0.0).all()
+        assert (np.diff(found[:, 0]) < 0.0).all()
+
+
+@over(*(mapping for mapping in TILING if mapping.composite))
+def test_with_light_nodes_of_their_own_it_converges_at_every_step(mapping, record):
+    """Orders 1.5 in stress."""
+    law = Hencky(1e6, 0.0, DENSITY)
+    untied = replace(mapping, hold_cut_cells=False)
+    found = np.array([errors(untied, law, n) for n in CELLS])
+    record(f"1 compaction, {SOFT[1e6]}, untied: stress at h = 0.625 m", mapping, found[-1, 0])
+    assert np.log2(found[0, 0] / found[-1, 0]) / 3.0 > 1.4
+    assert (np.diff(found, axis=0) < 0.0).all()
 
 
 @pytest.mark.parametrize("E", SOFT, ids=SOFT.get)
@@ -128,7 +150,10 @@ def test_the_small_strain_law_bears_the_weight_too(mapping, record):
     law = LinearElastic(1e6, 0.0, DENSITY)
     found = np.array([errors(mapping, law, n) for n in CELLS])
     record(SMALL, mapping, found[-1, 0])
-    assert np.log2(found[0, 0] / found[-1, 0]) / 3.0 > 0.9
+    if mapping.composite:
+        assert (found[:, 0] < TIED * HEIGHT / CELLS).all()
+    else:
+        assert np.log2(found[0, 0] / found[-1, 0]) / 3.0 > 0.9
     assert 0.02 < found[-1, 1] < 0.04
 
 

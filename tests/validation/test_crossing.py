@@ -95,6 +95,8 @@ def block(mapping, courant, steps, law=SOIL, disturbance=0.0):
 def test_stress_of_a_bar_stays_uniform_to_round_off_with_support_domains_and_is_lost_without(
     mapping, courant, record
 ):
+    """Without domains a quarter of it at Courant 0.5 and half at 5; all, were the light nodes of
+    its ends not tied."""
     error = max(bar(mapping, courant, 100, sweeps).max() for sweeps in (0, 1))
     record(
         f"8 crossing cells, bar, Courant {courant:g}, 100 steps",
@@ -105,7 +107,7 @@ def test_stress_of_a_bar_stays_uniform_to_round_off_with_support_domains_and_is_
     if mapping.support:
         assert error < 1e-9
     else:
-        assert error > 0.5
+        assert 0.2 < error < (0.3 if courant < 1.0 else 0.63)
 
 
 @COURANT
@@ -126,7 +128,7 @@ def test_a_disturbance_of_one_percent_over_2000_steps(mapping, courant, record):
         assert (np.diff(quarter) > 0).all()
         assert quarter[-1] < 0.0115
     elif not mapping.support:
-        assert not quarter[0] < 1.0
+        assert quarter[-1] > max(0.6, 1.5 * quarter[0])
     elif grows:
         assert quarter[1] > 10 * quarter[0]
         assert not quarter[-1] < 1.0
@@ -139,7 +141,11 @@ def test_a_disturbance_of_one_percent_over_2000_steps(mapping, courant, record):
 @MAPPED
 def test_a_free_block_that_goes_aslant_keeps_its_stress_to_round_off(mapping, courant, record):
     """1e-8 is what conjugate gradients to 1e-11 leave of momenta of 14 MPa; with a full factor it
-    is 1e-12."""
+    is 1e-12.
+
+    Without domains half of the stress and more is lost; with its light nodes on their own, the
+    block is.
+    """
     error = block(mapping, courant, 100)[0].max()
     record(
         f"8 crossing cells, free block, Courant {courant:g}, 100 steps",
@@ -148,9 +154,9 @@ def test_a_free_block_that_goes_aslant_keeps_its_stress_to_round_off(mapping, co
         "" if mapping.support else LOST,
     )
     if mapping.support:
-        assert error < 1e-7
+        assert error < 2e-8
     else:
-        assert error > 1.0
+        assert 0.45 < error < (0.75 if courant < 1.0 else 1.27)
 
 
 def near_yield(softening, share=0.95):

@@ -5,11 +5,18 @@ Exact: d'Alembert in a column of small strain; Lamé's mode, which keeps the vol
 that meet exchange their velocities.
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from methods import MAPPED, METHODS
 
 from mpm_fenicsx import (
+    DM_G,
+    DM_GC,
+    DM_GCL,
+    MPM,
+    AccelerationCorrection,
     Energy,
     FiniteElements,
     Fixed,
@@ -28,9 +35,17 @@ pytestmark = pytest.mark.validation
 H, N, STEPS = 0.25, 20, 1000
 SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 LOCKS = "bilinear cells lock without B-bar"
+DAMPED = (
+    "the step's matrix is stiffer than what points give back, the more so as cells lock: loss of "
+    "energy"
+)
 TIRES = (
-    "the matrix of (7) is stiffer than what points give back: loss of first order in Δt; a fifth "
-    "is the averaging's"
+    "the matrix of (7) is stiffer than what points give back: loss of first order in Δt; 1.5 % of "
+    "the energy is lost by averaging"
+)
+GIVEN = (
+    "one velocity field: the correction of accelerations gives energy to bodies that part, half of "
+    "what they have"
 )
 STICK = (
     "one velocity field: bodies that share nodes hold one another, in tension as well, 0.5 to 0.9 "
@@ -104,15 +119,15 @@ def lame_mode(mapping, b_bar, n=10):
     shear wave each.
     """
     soil, k = LinearElastic(20e6, 0.499, 1500.0), np.pi
-    ω, keywords = np.sqrt(2) * k * soil.s_speed, {"b_bar": True} if b_bar else {}
+    ω = np.sqrt(2) * k * soil.s_speed
     grid, stepping = Grid.box((0, 0), (1, 1), (n, n)), Newmark(0.5 / n / soil.s_speed)
     terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
     if mapping is None:
-        run = FiniteElements(grid, soil, stepping, terms, **keywords)
+        run = FiniteElements(grid, soil, stepping, terms, b_bar=b_bar)
         x, v = grid.space.tabulate_dof_coordinates()[:, :2], run.motion.nodal(run.motion.v)
     else:
         body = MaterialPoints.fill(grid, soil, 4)
-        run = Simulation(grid, body, stepping, terms, mapping, **keywords)
+        run = Simulation(grid, body, stepping, terms, replace(mapping, b_bar=b_bar))
         x, v = body.x.copy(), body.velocity
     sx, cx, sy, cy = (f(k * x[:, d]) for d in (0, 1) for f in (np.sin, np.cos))
     shape = np.stack((sx * cy, -cx * sy), axis=1)
@@ -132,18 +147,31 @@ def lame_mode(mapping, b_bar, n=10):
 @METHODS
 def test_nearly_incompressible(mapping, record):
     """Newmark and the mass move the period by 4.1e-3 each, one up, (ωΔt)²/12, one down,
-    (kh)²/24."""
+    (kh)²/24.
+
+    Without B-bar either the mode swings too fast, or composite strain, which hardly locks, gives it
+    its period, and the matrix, which does, damps it: DM-GC, corrected, keeps 2 % of the energy,
+    without correction nothing.  With B-bar it keeps 93 %, without correction 81 % as DM-GCL does.
+    """
     name, case = mapping or "FE", "15 ν = 0.499, Lamé's mode, 1,000 steps"
     period, energy = lame_mode(mapping, False)
-    record(f"{case}: period", name, abs(period), LOCKS)
-    assert abs(period) > 0.3 or energy[-1] < 1e-3
+    fast = mapping is None or not mapping.composite
+    keeps = mapping in (None, MPM)
+    record(f"{case}: period", name, abs(period), LOCKS if fast else "")
+    record(f"{case}: energy", name, abs(energy[-1] - 1), "" if keeps else DAMPED)
+    assert 0.3 < abs(period) < 0.47 if fast else abs(period) < 0.046
+    if mapping is None:
+        assert abs(energy[-1] - 1) < 1e-9
+    else:
+        assert 0.95 < energy[-1] < 1 if keeps else energy[-1] < 0.38
     if mapping is not None and mapping.integrate.name == "points":
         return
     period, energy = lame_mode(mapping, True)
     record(f"{case}, B-bar: period", name, abs(period))
-    assert abs(period) < 5e-3
     record(f"{case}, B-bar: energy", name, abs(energy[-1] - 1), "" if mapping is None else TIRES)
-    assert 0.75 < energy[-1] < 1 + 1e-9
+    assert abs(period) < (3.6e-3 if mapping and mapping.support else 1e-3)
+    least = {None: 1 - 1e-9, DM_G: 0.915, DM_GC: 0.92, DM_GCL: 0.8}.get(mapping, 0.845)
+    assert least < energy[-1] < 1 + 1e-9
 
 
 def meet(mapping, n=8, gap=3, speed=0.01):
@@ -159,9 +187,8 @@ def meet(mapping, n=8, gap=3, speed=0.01):
         for a in (1, 1 + n + gap)
     )
     left.velocity, right.velocity = np.tile([v, 0.0], (len(left), 1)), np.zeros_like(right.x)
-    run = Simulation(
-        grid, [left, right], stepping, [Fixed(grid.facets("bottom", "top"), "y")], mapping
-    )
+    smooth = Fixed(grid.facets("bottom", "top"), "y")
+    run = Simulation(grid, [left, right], stepping, [smooth], mapping)
     found = []
     for _ in range(round((gap / speed + 2 * n + 4 / speed) / 0.5)):
         run.step()
@@ -175,11 +202,22 @@ def meet(mapping, n=8, gap=3, speed=0.01):
 
 @MAPPED
 def test_two_bodies_meet_and_should_part(mapping, record):
-    """They do not act across an empty cell; but once they share nodes they stay together."""
+    """They do not act across an empty cell; but once they share nodes they stay together, all but
+    those of DM-GC: where accelerations are corrected these part at 1.2 of the velocity, the other
+    body thrown back at 0.2, with 1.49 of the energy.  Uncorrected they stay together as the others.
+    """
     velocities, lost, begins, apart = meet(mapping)
+    given = mapping is DM_GC
+    error = abs(velocities[1] - 1)
     record("15 two bodies meet: momentum", mapping, lost)
-    record("15 two bodies meet: velocities exchanged", mapping, abs(velocities[1] - 1), STICK)
+    record("15 two bodies meet: velocities exchanged", mapping, error, GIVEN if given else STICK)
     assert begins < 1.0
+    assert lost < 1e-12
+    if given:
+        assert 1.1 < velocities[1] < 1.22
+        assert apart > 1.0
+        velocities, _, _, apart = meet(replace(mapping, correction=AccelerationCorrection.OFF))
+        case = "15 two bodies meet, uncorrected: velocities exchanged"
+        record(case, mapping, abs(velocities[1] - 1), STICK)
     assert velocities[1] < 0.8
     assert 0.4 < apart < 1.0
-    assert lost < 1e-10

@@ -15,7 +15,6 @@ from mpm_fenicsx import (
     DM_GC,
     FiniteElements,
     Fixed,
-    GhostPenalty,
     Grid,
     LinearElastic,
     MaterialPoints,
@@ -60,7 +59,6 @@ def surface_speed(mapping, poisson, wave=12):
         ViscousBoundary(side, soil),
         ViscousBoundary(base, soil),
     ]
-    terms += [GhostPenalty()] if mapping in LINEAR else []
     run = (
         FiniteElements(grid, soil, stepping, terms)
         if mapping is None
@@ -90,20 +88,19 @@ def test_speed_of_the_surface_wave(mapping, poisson, record):
     """Twelve cells a wavelength; bilinear finite elements make such waves 1 % too fast, half as
     long ones 4 %.
 
-    Plain MPM's dashpots act on nodes that no point reaches once an edge is a hair past a grid line,
-    and what comes of it is a matter of round-off (3.9 %, 15 % or no wave at all): with the ghost
-    penalty those nodes follow the body.
+    Linear weights come as near, 2.1 and 1.8 %, and nearer than elements: the dashpots act on nodes
+    that no point reaches once an edge is a hair past a grid line, but these follow the body.  While
+    they were on their own what came of it was a matter of round-off: 3.9 %, 15 % or no wave at all.
     """
     exact = rayleigh_speed(poisson)
     error = surface_speed(mapping, poisson) / exact - 1
-    sewn = ", GhostPenalty" if mapping in LINEAR else ""
-    bound = 0.01 if mapping is DM_GC else 0.02 if mapping in TILING else 0.03
+    bound = 0.0075 if mapping is DM_GC else 0.0107 if mapping in TILING else 0.029
     record(
-        f"10 Lamb, ν = {poisson:g}{sewn}: speed of the surface wave ({exact:.4f} c_s)",
+        f"10 Lamb, ν = {poisson:g}: speed of the surface wave ({exact:.4f} c_s)",
         mapping,
         abs(error),
     )
-    assert abs(error) < bound
+    assert abs(error) < (0.0235 if mapping in LINEAR else bound)
 
 
 def test_finite_elements_come_nearer_with_smaller_cells():

@@ -106,12 +106,14 @@ def test_finite_elements_are_of_second_order(record, tmp_path):
 
 @MAPPED
 def test_points_of_a_staircase(mapping, record):
-    """What points are in the body jumps as cells shrink; from 8 to 64 cells stress gains a factor
-    of 2 to 6."""
+    """What points are in the body jumps as cells shrink; but the light nodes of cells that the
+    staircase cuts, where the pressure acts, are tied, and stress is of first order: from 8 to 64
+    cells it gains a factor of 8.5, with composite strain of 14 to 16 (untied 5.7 and 2.2)."""
     error = np.array([points(mapping, cells) for cells in (8, 16, 32, 64)])
     record("4 Lamé's cylinder, 32 cells across: displacement", mapping, error[2, 0])
     record("4 Lamé's cylinder, 32 cells across: stress", mapping, error[2, 1])
-    assert error[:, 0].max() < 0.011
-    assert (np.diff(error[:, 1]) < 0).all()
-    assert error[3, 1] < 0.009
-    assert error[0, 1] / error[3, 1] > (2.0 if mapping.composite else 5.0)
+    assert (np.diff(error, axis=0) < 0).all()
+    assert error[0, 0] < 0.0115
+    assert error[3, 0] < 0.00082
+    assert error[3, 1] < (0.00104 if mapping.composite else 0.0061)
+    assert error[0, 1] / error[3, 1] > 8.0

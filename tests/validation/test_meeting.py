@@ -17,7 +17,6 @@ from methods import MAPPED
 from mpm_fenicsx import (
     CMPM,
     DM_C,
-    MPM,
     Contact,
     Fixed,
     Gravity,
@@ -26,7 +25,6 @@ from mpm_fenicsx import (
     MaterialPoints,
     Newmark,
     QuasiStatic,
-    RunError,
     Simulation,
     Traction,
 )
@@ -37,10 +35,6 @@ CASE = "15 two bodies with Contact"
 GAINS = (
     "composite strain on linear weights: a bar with a step in its velocity gains energy, alone as "
     "well"
-)
-THROWN = (
-    "linear weights: a corner in a cell without its points is thrown out of the grid, or a point "
-    "inside out"
 )
 
 
@@ -60,8 +54,8 @@ def test_two_bodies_meet_and_part(mapping, record):
     record(f"{CASE}: late, in cells", mapping, late)
     assert shown["momentum"] < 1e-12
     assert shown["pull"] == 0.0
-    assert shown["velocity"] < 0.1
-    assert late < 0.15
+    assert shown["velocity"] < 0.087
+    assert late < 0.05
     assert found["distance"][-1] > 1.0
     assert shown["most"] < 1.05
 
@@ -75,9 +69,9 @@ def test_equal_bars(mapping, record):
     record(f"{CASE}: velocities exchanged, L/40", mapping, shown["velocity"])
     record(f"{CASE}: stress at the faces", mapping, shown["middle"])
     record(f"{CASE}: how long they touch", mapping, abs(shown["duration"] / 2.0 - 1.0))
-    assert shown["velocity"] < 0.04
-    assert shown["middle"] < 5e-3
-    assert abs(shown["duration"] / 2.0 - 1.0) < 0.02
+    assert shown["velocity"] < 0.031
+    assert shown["middle"] < 5e-4
+    assert abs(shown["duration"] / 2.0 - 1.0) < 0.01
     gains = mapping in (CMPM, DM_C)
     record(f"{CASE}: energy", mapping, abs(shown["energy"] - 1.0), GAINS if gains else "")
     assert shown["most"] > 1.1 if gains else 0.95 < shown["energy"] < 1.0 and shown["most"] < 1.01
@@ -90,7 +84,7 @@ def test_unequal_bars(mapping, record):
         "unequal", two_bars.history(two_bars.bars("unequal", mapping, 40, 0.5, 0.3), 40, 3.8)
     )
     record(f"{CASE}: unequal bars, velocities, L/40", mapping, shown["velocity"])
-    assert shown["velocity"] < 0.02 and shown["momentum"] < 1e-12
+    assert shown["velocity"] < 0.0094 and shown["momentum"] < 1e-12
 
 
 @MAPPED
@@ -128,13 +122,16 @@ def test_bars_in_series(mapping, record):
     q = (p * a - g) / (a + b)
     error = max(np.abs(right.stress[:, 0] + q).max(), np.abs(left.stress[:, 0] - (p - q)).max()) / q
     record(f"{CASE}: bars in series through a gap, stiffness 1:100, stress", mapping, error)
-    assert error < 1e-3
+    assert error < 5e-5
 
 
 @MAPPED
 def test_a_block_rests_and_slides(mapping, record):
     """Gravity comes within ten swings; then the force is the weight in the mean, and sliding goes
-    on."""
+    on.
+
+    With MPM and CMPM too, since light nodes are tied: a corner that enters a cell before its points
+    do was thrown out of the grid."""
     h, soil, slide = 0.25, LinearElastic(20e6, 0.3, 1500.0), 0.5
     grid, stepping = Grid.box((0, 0), (16 * h, 7 * h), (16, 7)), Newmark(0.5 * h / soil.p_speed)
     base = MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] < 3 * h)
@@ -151,14 +148,6 @@ def test_a_block_rests_and_slides(mapping, record):
     below = Simulation(grid, base, stepping, [weight, Fixed(grid.facets("bottom"))], mapping)
     run = Contact((above, block.surface("bottom")), (below, base.surface("top")))
     found = []
-    if mapping in (MPM, CMPM):
-        for what in ("weight", "velocity"):
-            record(f"{CASE}: {what} of a sliding block", mapping, None, THROWN)
-        with pytest.raises(
-            RunError, match=r"lies outside the grid|turns inside out|forces not found"
-        ):
-            run.until(2 * steps * stepping.dt)
-        return
     for _ in range(2 * steps):
         run.step()
         found.append(run.forces[0] / (9.81 * block.mass.sum()))
@@ -166,5 +155,5 @@ def test_a_block_rests_and_slides(mapping, record):
     kept = abs(block.velocity[:, 0].mean() / slide - 1.0)
     record(f"{CASE}: weight of a sliding block", mapping, error)
     record(f"{CASE}: velocity of a sliding block", mapping, kept)
-    assert error < 5e-3 and kept < 1e-3
+    assert error < 7e-4 and kept < 4e-5
     assert np.min(found[steps:], axis=0)[1] > 0.8

@@ -6,14 +6,18 @@ walls half a wave apart are the whole plane.  A packet of finite length has a sp
 over which the exact answer is averaged.
 """
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
-from methods import LINEAR, SLACK, TILING, over
+from methods import POINTS, TILING, over
 
 from mpm_fenicsx import (
+    CMPM,
+    DM_C,
     DM_GC,
+    DM_GCL,
     MPM,
     AccelerationCorrection,
     Energy,
@@ -33,8 +37,11 @@ pytestmark = pytest.mark.validation
 
 TIRES = (
     "the matrix is stiffer than what points give back, and more so as cells lock: loss of energy, "
-    "first order in Δt"
+    "first order in Δt, where accelerations are not corrected"
 )
+GENTLE = {None: 0.0018, DM_GC: 0.0011}
+STEEP = {None: 0.0085, DM_C: 0.0103, DM_GC: 0.0039, DM_GCL: 0.011}
+"""Bounds of the error, at angles up to 40° and at 60°; of the other mappings 0.0105 and 0.0081."""
 
 CELLS = 16  # a wavelength
 
@@ -96,15 +103,13 @@ class Packet:
         return field(c, s), np.moveaxis(np.array(gradient), -1, 0), v, a
 
 
-def sent(mapping, wave, degrees, poisson, courant=0.5, **keywords):
+def sent(mapping, wave, degrees, poisson, courant=0.5, b_bar=False):
     """The packet as it is sent down: the run, its energy, the packet, and how long until what comes
     back is up."""
     soil, spread = LinearElastic(20e6, poisson, 1500.0), 0.8 * CELLS
     packet = Packet(soil, wave, degrees, 4 * spread, spread)
-    height, wait = (
-        round(12 * spread),
-        7 if degrees > 50 else 5,
-    )  # the shallow waves of the packet come late
+    height = round(12 * spread)
+    wait = 7 if degrees > 50 else 5  # the shallow waves of the packet come late
     side = "y" if wave == "S" and not degrees else "x"
     stepping = Newmark(courant / packet.speed)
     size = 1e-6
@@ -114,7 +119,7 @@ def sent(mapping, wave, degrees, poisson, courant=0.5, **keywords):
             Fixed(grid.facets("left", "right"), side),
             ViscousBoundary(grid.facets("bottom"), soil),
         ]
-        run = FiniteElements(grid, soil, stepping, terms, **keywords)
+        run = FiniteElements(grid, soil, stepping, terms, b_bar=b_bar)
         u, _, v, a = packet.at(grid.space.tabulate_dof_coordinates()[:, :2])
         for f, value in ((run.displacement, u), (run.motion.v, v), (run.motion.a, a)):
             run.motion.nodal(f)[:] = size * value
@@ -135,8 +140,7 @@ def sent(mapping, wave, degrees, poisson, courant=0.5, **keywords):
                 Fixed(grid.facets("left", "right"), side),
                 ViscousBoundary(body.surface("bottom"), soil),
             ],
-            mapping,
-            **keywords,
+            replace(mapping, b_bar=b_bar),
         )
     way = packet.start + wait * spread
     return run, run.record(Energy()), packet, way / packet.speed / np.cos(np.radians(degrees))
@@ -154,11 +158,17 @@ def energy_back(*scene, **keywords):
 @pytest.mark.parametrize("wave", ["P", "S"])
 @pytest.mark.parametrize(
     "mapping, steep, poisson",
-    [*product((None, *TILING), (False, True), (0.25, 0.41)), *product(LINEAR, (False,), (0.25,))],
+    product((None, *POINTS), (False, True), (0.25, 0.41)),
     ids=str,
 )
 def test_energy_that_comes_back(mapping, steep, poisson, wave, record):
-    """The error is a part of the energy that arrived; of angles up to 40° the largest."""
+    """The error is a part of the energy that arrived; of angles up to 40° the largest.
+
+    Linear weights are as good here: the light nodes below an edge a hair past a grid line follow
+    the body, where a third of the energy came back while they were on their own.  At 60° and ν =
+    0.25 more comes back than should, 0.35 % with DM-GC and 0.7 % with GIMP, as of finite elements:
+    the losses that had covered up for it are gone.
+    """
     angles = (
         (60,) if steep else (0, 20, 40) if mapping in (None, DM_GC) and poisson == 0.25 else (40,)
     )
@@ -169,49 +179,55 @@ def test_energy_that_comes_back(mapping, steep, poisson, wave, record):
         f"9 {wave} waves on dashpots, ν = {poisson:g}, {'60' if steep else 'up to 40'}°: energy "
         "back"
     )
-    slack = mapping in LINEAR
-    tired = not slack and mapping and mapping.composite and wave == "S" and poisson == 0.41
-    record(case, mapping, error, SLACK if slack else TIRES if tired else "")
-    if slack:
-        assert error > 0.1
-    elif tired:
-        assert 0.002 < error < 0.04
+    uncorrected = mapping in (CMPM, DM_C, DM_GCL)
+    tired = uncorrected and wave == "S" and poisson == 0.41
+    record(case, mapping, error, TIRES if tired else "")
+    if tired:
+        assert 0.0015 < error < (0.031 if steep else 0.0035)
     else:
-        assert error < (0.012 if steep or mapping not in (None, DM_GC) else 0.002)
+        assert error < (STEEP.get(mapping, 0.0081) if steep else GENTLE.get(mapping, 0.0105))
 
 
-@over(None, *(mapping for mapping in TILING if mapping.integrate is DOUBLE_MAPPED))
+@over(None, *(mapping for mapping in POINTS if mapping.integrate is DOUBLE_MAPPED))
 def test_b_bar_brings_shear_waves_back(mapping, record):
     error = abs(np.subtract(*energy_back(mapping, "S", 60, 0.41, b_bar=True)))
     record("9 S waves on dashpots, ν = 0.41, 60°, B-bar: energy back", mapping, error)
-    assert error < 0.012
+    assert error < 0.006
 
 
 @over(*TILING)
-def test_balanced_accelerations_bring_shear_waves_back(mapping, record):
-    """Of DM-GC and DM-GCL to the exact echo, 11.9 %; those of linear strain are 0.2 % off for their
-    dispersion."""
+def test_a_correction_by_lumped_mass_brings_shear_waves_back(mapping, record):
+    """Here, where P waves are at Courant 1.3, the default is the implicit correction, and DM-GCL's
+    none: this is the other one, with DM-GC and DM-GCL to the exact echo, 11.9 %; those of linear
+    strain are 0.3 % off for their dispersion."""
     error = abs(
-        np.subtract(*energy_back(mapping, "S", 60, 0.41, correction=AccelerationCorrection.LUMPED))
+        np.subtract(
+            *energy_back(replace(mapping, correction=AccelerationCorrection.LUMPED), "S", 60, 0.41)
+        )
     )
-    record("9 S waves on dashpots, ν = 0.41, 60°, balanced: energy back", mapping, error)
-    assert error < (0.001 if mapping.composite else 0.003)
+    record("9 S waves on dashpots, ν = 0.41, 60°, lumped correction: energy back", mapping, error)
+    assert error < (0.0003 if mapping.composite else 0.0029)
 
 
 def test_what_shear_waves_lose_aslant_is_of_first_order_in_the_step_and_of_locking():
-    """Over a way of 10 cells, before they come to the dashpots: 3 %, with B-bar a fifth of it.
+    """Over a way of 10 cells, before they come to the dashpots: 3 % where accelerations are not
+    corrected, with DM-GCL or by request; with B-bar a sixth of it.
 
-    Plain MPM, while no point crosses a cell, has the matrix of its force: it loses what a sweep
-    leaves of averaging.
+    The correction leaves DM-GC a tenth.  Plain MPM, while no point crosses a cell, has the matrix
+    of its force: it loses what a sweep leaves of averaging, 0.05 %.
     """
 
-    def lost(courant=0.5, b_bar=False, mapping=DM_GC):
-        run, energy, _, _ = sent(mapping, "S", 60, 0.41, courant, b_bar=b_bar)
+    def lost(mapping, courant=0.5, **keywords):
+        run, energy, _, _ = sent(mapping, "S", 60, 0.41, courant, **keywords)
         for _ in range(round(20 / courant)):
             run.step()
         return 1 - energy.left[-1] / energy.left[0]
 
-    assert lost() > 0.02
-    assert lost(0.25) / lost() == pytest.approx(0.5, rel=0.1)
-    assert lost(b_bar=True) < lost() / 4
-    assert 0.0 < lost(mapping=MPM) < lost() / 10
+    linear = lost(DM_GCL)
+    off = replace(DM_GC, correction=AccelerationCorrection.OFF)
+    assert 0.02 < linear < 0.033
+    assert lost(off) == pytest.approx(linear, rel=0.01)
+    assert lost(DM_GCL, 0.25) / linear == pytest.approx(0.5, rel=0.1)
+    assert lost(DM_GCL, b_bar=True) < linear / 5
+    assert 0.0 < lost(DM_GC) < linear / 10
+    assert 0.0 < lost(MPM) < linear / 50

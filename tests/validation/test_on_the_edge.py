@@ -10,6 +10,7 @@ from methods import LOST, MAPPED
 
 from mpm_fenicsx import (
     CMPM,
+    DM_GC,
     MPM,
     Fixed,
     Grid,
@@ -96,7 +97,7 @@ def test_a_point_a_hair_outside_stays_in_the_run(mapping, record):
     assert max(found) < 1e-8
 
 
-def bar(mapping, pace, per_cell=4, jitter=0.0, shift=0.0, origin=0.0, steps=100):
+def bar(mapping, pace, per_cell=4, jitter=0.0, seed=1, shift=0.0, origin=0.0, steps=100):
     """Errors of stress, relative, of a bar of 12 cells that moves by ``pace`` cells a step; ∞ where
     the run stops."""
     cells = int(abs(pace) * steps) + 18
@@ -107,7 +108,7 @@ def bar(mapping, pace, per_cell=4, jitter=0.0, shift=0.0, origin=0.0, steps=100)
         per_cell,
         inside=lambda x: np.abs((x[0] - origin) / H - 8) < 6,
         jitter=jitter,
-        seed=1,
+        seed=seed,
     )
     stepping = Newmark(0.5 * H / SOIL.p_speed)
     for places in (body.x, body.seat) if jitter else (body.x,):
@@ -141,6 +142,8 @@ def bar(mapping, pace, per_cell=4, jitter=0.0, shift=0.0, origin=0.0, steps=100)
     ids=lambda value: str(value)[:12],
 )
 def test_a_bar_keeps_its_stress(mapping, name, scene, record):
+    """Without domains a quarter of it is lost where the four points of a cell are spaced evenly
+    over grid lines: 1.4 times it, were light nodes not tied."""
     error = bar(mapping, **scene).max()
     hourglass = scene.get("per_cell") == 1 and mapping in (MPM, CMPM)
     record(
@@ -151,23 +154,27 @@ def test_a_bar_keeps_its_stress(mapping, name, scene, record):
     )
     if mapping.support:
         assert error < 1e-9 * (1e3 if "origin" in scene else 1)  # 1,000 m have 1e-13 m of round-off
+    elif hourglass:
+        assert error == np.inf
     else:
-        assert error > 0.5
+        least, most = (0.2, 0.27) if "origin" in scene else (0.55, 0.85)
+        assert least < error < (4.3 if scene["pace"] == 0.5 else most)
 
 
 @MAPPED
 def test_points_strewn_at_random_do_not_hold_a_stress(mapping, record):
-    """At rest, off by up to 0.3 of their spacing: an error of that size.
+    """At rest, off by up to 0.3 of their spacing, drawn twice: an error of that size and more.
 
-    With composite strain over support domains it grows in 1,000 steps.
+    With composite strain over support domains it grows in 1,000 steps of the first draw, to 1.66
+    with DM-GCL and to 2.44 with DM-GC, whose correction of accelerations has a part in that: 2.01
+    without.  Of four draws it grows in two.
     """
-    error = bar(mapping, 0.0, jitter=0.3, steps=1000)
-    record(
-        "14 bar under stress, random points at rest, 1,000 steps",
-        mapping,
-        error.max(),
-        GAPS if mapping.support else SUMS,
-    )
-    assert 0.15 < error.max() < (2.0 if mapping.support else 0.3)
-    grows = mapping.support and mapping.composite
-    assert (error[750:].max() < 1.05 * error[:250].max()) != grows
+    errors = {draw: bar(mapping, 0.0, jitter=0.3, seed=draw, steps=1000) for draw in (1, 2)}
+    most = max(error.max() for error in errors.values())
+    case = "14 bar under stress, random points at rest, 1,000 steps"
+    record(case, mapping, most, GAPS if mapping.support else SUMS)
+    assert most < (2.7 if mapping is DM_GC else 1.8 if mapping.support else 0.55)
+    for draw, error in errors.items():
+        grows = mapping.support and mapping.composite and draw == 1
+        assert 0.25 < error.max()
+        assert (error[750:].max() < 1.05 * error[:250].max()) != grows

@@ -14,7 +14,19 @@ import numpy as np
 import pytest
 from methods import FLIES, LINEAR, LOST, METHODS, NOT_DERIVED, POINTS, STRAINS_APART, name, over
 
-from mpm_fenicsx import CMPM, DM_G, DM_GC, GIMP, MPM, DeadLoad, Traction, VonMises
+from mpm_fenicsx import (
+    CMPM,
+    DM,
+    DM_C,
+    DM_G,
+    DM_GC,
+    DM_GCL,
+    GIMP,
+    MPM,
+    DeadLoad,
+    Traction,
+    VonMises,
+)
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import overload
@@ -22,6 +34,8 @@ import overload
 pytestmark = pytest.mark.validation
 
 STOPS = {GIMP: NOT_DERIVED, CMPM: STRAINS_APART}
+BALANCE = {None: 1e-4, MPM: 0.041, DM: 0.12, DM_G: 0.039, DM_C: 0.145, DM_GC: 0.047, DM_GCL: 0.135}
+"""Bounds of the work that is not found at 5 ms, of all of it: what each loses or gains by now."""
 BEARS_MORE = (
     "a traction is per area as it is: the crater's walls stretch, bear more, and stretch the "
     "faster (DeadLoad)"
@@ -34,9 +48,11 @@ BEARS_MORE = (
     ids=name,
 )
 def test_the_strip_sinks_on_and_its_energy_balances(mapping, dt, record):
-    """What steps of 5 ms dissipate, a tenth of the work, falls with them.  Of DM-GC a gain of 4 %
-    of the work is left, for its composite strain is not the one that its force works on.  Finite
-    elements, whose velocities stay on the grid, lose none."""
+    """What steps of 5 ms dissipate where accelerations are not corrected, a tenth of the work,
+    falls with them; corrected, DM-G loses 4 % at 5 ms and at 1.25 ms.  DM-GC gains 4 % of the work
+    at both, for its composite strain is not the one that its force works on: uncorrected its steps
+    dissipate more than that.  Ties of light nodes cost DM-GCL 0.9 % (12.7 % against 11.8 %).
+    Finite elements, whose velocities stay on the grid, lose none."""
     row = overload.measure(mapping, cell=0.25, dt=dt)
     lost = np.array(row["lost_j"]) / row["work_j"][-1]
     case = f"15 strip overloaded to 60 kPa, Δt = {1e3 * dt:g} ms: work not found"
@@ -52,9 +68,7 @@ def test_the_strip_sinks_on_and_its_energy_balances(mapping, dt, record):
     assert (
         mapping is None or row["half_per_cell"] > 0.7
     )  # domains have outgrown the half cell where they end
-    assert abs(lost).max() < (
-        1e-3 if mapping is None else 0.06 if dt < 5e-3 else 0.15 if mapping in LINEAR else 0.12
-    )
+    assert abs(lost).max() < (BALANCE[mapping] if dt == 5e-3 else 0.041)
 
 
 @over(*POINTS)
@@ -87,6 +101,8 @@ def test_below_its_capacity_it_stands(mapping, record):
     ids=str,
 )
 def test_what_breaks_down_says_so(mapping, load, note, record):
+    """A point of MPM has 200 times the median speed when its run stops, at 0.5 s; with light nodes
+    on their own it turned inside out at 0.35 s."""
     row = overload.measure(mapping, load, cell=0.125)
     lost = row["lost_j"][-1] / row["work_j"][-1]
     record(
@@ -95,14 +111,13 @@ def test_what_breaks_down_says_so(mapping, load, note, record):
         abs(lost),
         note,
     )
-    words = {DM_GC: "turns inside out", GIMP: "Newton does not converge", MPM: "turns inside out"}[
-        mapping
+    assert ("turns inside out" if mapping is DM_GC else "Newton does not converge") in row[
+        "stopped"
     ]
-    assert words in row["stopped"]
     if load is Traction:
         assert row["t"][-1] > 0.6
         assert row["area_m2"][len(row["t"]) - 1] > 10.0
         assert row["work_j"][-1] > 10 * 60e3 * max(
             row["settlement_m"]
         )  # the load's own, not energy out of nothing
-        assert -0.05 < lost < 0.4
+        assert abs(lost) < 0.02

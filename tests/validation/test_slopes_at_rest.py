@@ -9,8 +9,9 @@ gives exp(0.83 t/s) here, which is seen to grow from 1e-11.
 
 import numpy as np
 import pytest
+from methods import MAPPED
 
-from mpm_fenicsx import DM_G, DM_GC, DM_GCL, GIMP
+from mpm_fenicsx import DM_GC, GIMP
 from mpm_fenicsx.scenes.slope import BODIES, SOIL, WEAK, WEAK_BLOCK, AtRest
 
 pytestmark = pytest.mark.validation
@@ -20,7 +21,7 @@ PLACES = (0.0, 0.15, 0.3)  # of a cell
 
 
 @pytest.mark.parametrize("name", BODIES)
-@pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC, DM_GCL], ids=str)
+@MAPPED
 def test_it_settles_and_then_stays(name, mapping, record):
     """Von Mises that yields at the foot; with DM-GC elastic as well, at all places: the largest of
     them."""

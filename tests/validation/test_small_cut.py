@@ -17,8 +17,8 @@ pytestmark = pytest.mark.validation
 SOIL, H, N, STRESS, MISS = dense.SOIL, 0.25, 4, 100e3, 0.01
 CUTS = (1e-2, 1e-4, 1e-6, 1e-8)
 LOST = (
-    "points without extent do not reach the cut cell: of the traction on it, the part `cut` falls "
-    "on empty nodes"
+    "points without extent do not reach the cut cell: what they hold of it acts in the next one, "
+    "and stress is off by about the part `cut` of itself"
 )
 
 
@@ -65,7 +65,13 @@ def condition(run):
 
 @MAPPED
 def test_stress_and_displacement_are_those_of_the_traction(mapping, record):
-    """The error is relative to what the 1 % does; the cut itself is worth ``cut`` cells of N."""
+    """The error is relative to what the 1 % does; the cut itself is worth ``cut`` cells of N.
+
+    The empty nodes of the cut cell are tied to those beside them, so that no mapping loses the
+    traction there.  Without ties the errors of mappings with domains are 2.4 to 4.4 times as large,
+    but GIMP's, which is the surface's alone; and plain MPM's edge is off by 0.74 of its way, not by
+    0.08.
+    """
     λ, μ = SOIL.lame
     moved = MISS * STRESS / (2 * (λ + μ)) * N * H
     error = {}
@@ -78,13 +84,10 @@ def test_stress_and_displacement_are_those_of_the_traction(mapping, record):
         error[cut] = max(abs(far / moved - 1), off)
     reason = "" if mapping.support else LOST
     record("13 small cut, 1e-2 … 1e-8 of a cell, statics", mapping, max(error.values()), reason)
-    if mapping.support:
-        assert error[1e-2] < 0.05
-        for cut in CUTS[1:]:
-            assert error[cut] < 3 * cut
-    else:
-        assert error[1e-2] > 1.0
-        assert error[1e-8] < 1e-5
+    for cut in CUTS:
+        assert error[cut] < (0.6 * cut if mapping.support else 1.25 * cut / MISS)
+    if not mapping.support:
+        assert error[1e-2] > 0.8
 
 
 @MAPPED
@@ -103,10 +106,14 @@ def test_the_scaled_matrix_stays_well_conditioned(mapping, record):
 
 @MAPPED
 def test_nothing_is_lost(mapping, record):
-    """Momentum is the impulse of the 1 % (its pull ramps up in the first step), but for what the
-    edge stretches."""
+    """Momentum is the impulse of the 1 %, but for what the edge stretches, 0.11 %.
+
+    The run starts with the acceleration of the 1 %, or half of the first step's pull would be
+    missing, 5 %.  Mappings without support domains hold their light nodes by ties, too: without
+    them the traction on the cut cell, which is as large as the 1 %, was lost.
+    """
     steps, stepping = 10, Newmark(0.5 * H / SOIL.p_speed)
-    impulse = MISS * STRESS * N * H * (steps - 0.5) * stepping.dt
+    impulse = MISS * STRESS * N * H * steps * stepping.dt
     error = []
     for cut in CUTS:
         run, body, _ = block(mapping, cut, stepping)
@@ -115,13 +122,6 @@ def test_nothing_is_lost(mapping, record):
             run.step()
         assert body.mass.sum() == mass
         error.append(np.abs(body.mass @ body.velocity / impulse - 1).max())
-    record(
-        "13 small cut, momentum after 10 steps",
-        mapping,
-        max(error),
-        "" if mapping.support else LOST,
-    )
-    if mapping.support:
-        assert max(error) < 3e-3
-    else:
-        assert error[0] > 0.9
+    record("13 small cut, momentum after 10 steps", mapping, max(error))
+    assert max(error) < (1.3e-3 if mapping.support else 5e-3)
+    assert error[-1] < 1.3e-3

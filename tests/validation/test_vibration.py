@@ -8,10 +8,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from methods import FED, POINTS, UNSTABLE, name
+from methods import POINTS, UNSTABLE, name
 
 from mpm_fenicsx import (
+    CMPM,
+    DM,
+    DM_C,
     DM_GC,
+    MPM,
     Energy,
     FiniteElements,
     Fixed,
@@ -79,6 +83,8 @@ def test_period_and_energy(mapping, sweeps, record):
     """At 1e-6 of strain, where this is exact.
 
     Newmark and consistent mass set the period off by (ωΔt)²/12 - (βh)²/24 = 1.3e-4 - 2.6e-4.
+    Energy grows with composite strain where the acceleration is not corrected: with DM-GC the
+    correction by lumped mass turns its growth, 3.8e-8 a step, into a loss of 5.1e-8.
     """
     u, t, energy = vibrate(mapping, sweeps, 1e-6)
     i = np.flatnonzero(u[1:-1] * u[2:] < 0) + 1
@@ -87,7 +93,7 @@ def test_period_and_energy(mapping, sweeps, record):
     period = half_period * OMEGA / np.pi - 1
     tenths = maxima(energy)
     how = "" if sweeps else ", sweeps=0"
-    gains = mapping is not None and mapping.composite and sweeps == 1
+    gains = mapping is not None and mapping.composite and mapping is not DM_GC
     record(f"6 vibration, 10,000 steps: period{how}", mapping, abs(period))
     record(
         f"6 vibration, 10,000 steps: energy{how}",
@@ -95,8 +101,8 @@ def test_period_and_energy(mapping, sweeps, record):
         abs(energy[-1] - 1),
         GAINS if gains else "",
     )
-    assert abs(period) < 5e-4
-    assert np.abs(energy - 1).max() < 0.01
+    assert abs(period) < (2.5e-4 if sweeps else 5e-4)
+    assert np.abs(energy - 1).max() < (1.5e-3 if sweeps else 6e-3)
     if gains:
         assert (np.diff(tenths) > 0).all()
         assert tenths[-1] < 1.0015
@@ -109,20 +115,18 @@ def test_period_and_energy(mapping, sweeps, record):
         )
 
 
-@pytest.mark.parametrize("radius, damping", [(0.9, 1.775e-8), (0.8, 5.411e-8)])
-def test_a_little_dissipation_and_the_energy_of_composite_strain_never_grows(
-    radius, damping, record
-):
-    """Generalised α.  Known: the first mode has |λ| = 1 - 1.775e-8 (1 - 5.411e-8), by
-    studies/amplification_map.py; within a period the energy of the points goes up and down by
-    4e-4."""
+@pytest.mark.parametrize("radius, damping", [(1.0, 2.547e-8), (0.9, 5.104e-8), (0.8, 8.443e-8)])
+def test_the_energy_of_composite_strain_falls_as_the_first_mode_is_damped(radius, damping, record):
+    """Newmark and generalised α.  Known: |λ| = 1 - damping of the first mode, by
+    studies/amplification_map.py on this bar; the acceleration uncorrected it is 1.9e-8 above 1, and
+    6.6e-9 and 4.0e-8 below.  The first is the correction's own, not the averaging's: eight sweeps
+    leave 2.524e-8.  Within a period the energy of the points goes up and down by 4e-4."""
     energy = vibrate(DM_GC, 1, 1e-6, radius)[2]
     tenths = maxima(energy)
-    record(
-        f"6 vibration, 10,000 steps: energy, spectral radius {radius}", DM_GC, abs(energy[-1] - 1)
-    )
+    if radius < 1.0:
+        name = f"6 vibration, 10,000 steps: energy, spectral radius {radius}"
+        record(name, DM_GC, abs(energy[-1] - 1))
     assert (np.diff(tenths) < 0).all()
-    assert np.abs(energy - 1).max() < 0.01
     assert tenths[-1] / tenths[0] == pytest.approx((1 - damping) ** (2 * 9000), abs=2e-5)
 
 
@@ -134,29 +138,16 @@ def test_energy_where_points_cross_cells(mapping, radius, record):
     up and down."""
     energy = vibrate(mapping, 1, 0.03, radius)[2]
     how = "" if radius == 1.0 else f", spectral radius {radius}"
-    gains = mapping.composite and radius == 1.0
-    name = f"6 vibration at 3 % of strain: energy lost or gained{how}"
-    rises = np.diff(maxima(energy))
-    loses = not mapping.support and not gains
+    gains, loses = mapping in (CMPM, DM_C), mapping in (MPM, DM)
     record(
-        name,
+        f"6 vibration at 3 % of strain: energy lost or gained{how}",
         mapping,
         abs(1 - energy[-1]),
-        LOSES
-        if loses
-        else ""
-        if not gains
-        else FED
-        if mapping.linear
-        else GAINS
-        if mapping.support
-        else UNSTABLE,
+        LOSES if loses else UNSTABLE if gains else "",
     )
-    assert (rises < 0).all() != gains
-    if gains and not mapping.support:
+    if gains:
         assert energy[-1] > 2.0
         return
-    assert rises.max() < (1e-3 if mapping.linear else 2e-4)
+    assert (np.diff(maxima(energy)) < 0).all()
     assert energy.max() < 1.012
-    assert abs(1 - energy[-1]) < (0.16 if loses else 0.01)
-    assert mapping.linear or energy[-1] < 1.0
+    assert 0.0 < 1 - energy[-1] < (0.16 if loses else 0.004)

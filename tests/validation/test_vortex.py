@@ -12,11 +12,9 @@ has no one answer.
 
 import numpy as np
 import pytest
-from methods import over
+from methods import TILING, over
 
 from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
     FiniteElements,
     Fixed,
     Gravity,
@@ -32,12 +30,8 @@ pytestmark = pytest.mark.validation
 
 SOIL = Hencky(young=1e3, poisson=0.3, density=1000.0)
 SHEAR = SOIL.density * SOIL.s_speed**2
-HALF, WIDE, A, T = (
-    1.875,
-    0.75,
-    0.2,
-    1.6,
-)  # 0.4 rad at last, shear of 1.2; points cross up to 5 cells
+# 0.4 rad at last, shear of 1.2; points cross up to 5 cells
+HALF, WIDE, A, T = 1.875, 0.75, 0.2, 1.6
 CELLS = (6, 12)  # a metre
 CASE = "5 vortex, 23° and a shear of 1.2, 18 cells across the ring"
 FROM_NONE = {"initial_acceleration": InitialAcceleration.ZERO}
@@ -162,7 +156,7 @@ def test_the_body_force_balances():
     )
 
 
-@over(None, DM_GC, GIMP)
+@over(None, *TILING)
 def test_order(mapping, record):
     """2 in displacement, with the acceleration that the balance of forces starts with; less from
     none."""
