@@ -33,21 +33,11 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    DM_GCL,
-    GIMP,
-    MPM,
-    AccelerationCorrection,
-    GeneralizedAlpha,
-    Mapping,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 from mpm_fenicsx.scenes.block import bar, block, h, soil, step_of
 
-MAPPINGS = (MPM, GIMP, DM_G, DM_GC, DM_GCL)
+MAPPINGS = (mpm.MPM, mpm.GIMP, mpm.DM_G, mpm.DM_GC, mpm.DM_GCL)
 COURANT = (0.1, 0.25, 0.5, 1.0, 2.0, 3.5, 5.0, 10.0, 50.0)
 OFFSETS = (0.0, 0.15, 0.3)  # of the seats at rest, in cells: 0 full cells, else cut ones
 FOUND = [
@@ -79,12 +69,12 @@ FOUND = [
 ]
 
 
-def large(mapping, stepping, **where) -> Simulation:
+def large(mapping, stepping, **where) -> mpm.Simulation:
     """A block of 8 by 8 cells."""
     return block(mapping, stepping, (8, 8), **where)
 
 
-SCENES: dict[str, Callable[..., Simulation]] = {
+SCENES: dict[str, Callable[..., mpm.Simulation]] = {
     "bar, one end fixed": lambda *scene, **where: bar(*scene, fixed=True, **where),
     "bar, free": bar,
     "bar, dashpots": lambda *scene, **where: bar(*scene, viscous=True, **where),
@@ -94,23 +84,23 @@ SCENES: dict[str, Callable[..., Simulation]] = {
 }
 
 
-def interior(run: Simulation) -> Simulation:
+def interior(run: mpm.Simulation) -> mpm.Simulation:
     """DM-GC with its patch only where that has material on both sides, else GIMP's gradient."""
     return _changed(run, lambda extent: (np.ptp(extent, axis=2) == 0).all(axis=1).astype(float))
 
 
-def half(run: Simulation) -> Simulation:
+def half(run: mpm.Simulation) -> mpm.Simulation:
     """The mean of DM-GC's and DM-G's strain."""
     return _changed(run, lambda extent: np.full(len(extent), 0.5))
 
 
-def across(run: Simulation) -> Simulation:
+def across(run: mpm.Simulation) -> mpm.Simulation:
     """Polynomials in every direction, as the paper has them."""
     run.composites = [TensorProduct(run.grid)]
     return run
 
 
-def _changed(run: Simulation, weight: Callable[[np.ndarray], np.ndarray]) -> Simulation:
+def _changed(run: mpm.Simulation, weight: Callable[[np.ndarray], np.ndarray]) -> mpm.Simulation:
     (composite,), (stencil,) = run.composites, run.stencils
     patch = composite.gradient_at_points
 
@@ -122,25 +112,25 @@ def _changed(run: Simulation, weight: Callable[[np.ndarray], np.ndarray]) -> Sim
     return run
 
 
-def uncorrected(mapping: Mapping, sweeps: int = 1) -> Mapping:
+def uncorrected(mapping: mpm.Mapping, sweeps: int = 1) -> mpm.Mapping:
     """The step that the rows are of: corrections are compared in numerical_damping.py."""
-    return replace(mapping, sweeps=sweeps, correction=AccelerationCorrection.OFF)
+    return replace(mapping, sweeps=sweeps, correction=mpm.AccelerationCorrection.OFF)
 
 
-PAPERS = uncorrected(replace(DM_GC, mass=DOUBLE_MAPPED))
+PAPERS = uncorrected(replace(mpm.DM_GC, mass=DOUBLE_MAPPED))
 CHANGES = {
-    "as it is": (DM_GC, lambda run: run),
+    "as it is": (mpm.DM_GC, lambda run: run),
     "the paper's": (PAPERS, across),
-    "polynomials across": (DM_GC, across),
+    "polynomials across": (mpm.DM_GC, across),
     "mass by (7)": (PAPERS, lambda run: run),
-    "patch in the interior only": (DM_GC, interior),
-    "half DM-G's": (DM_GC, half),
+    "patch in the interior only": (mpm.DM_GC, interior),
+    "half DM-G's": (mpm.DM_GC, half),
 }
 
 
-def alpha(ρ: float, w: float) -> Callable[[float], GeneralizedAlpha]:
+def alpha(ρ: float, w: float) -> Callable[[float], mpm.GeneralizedAlpha]:
     """Generalised α at a Courant number."""
-    return lambda courant: GeneralizedAlpha(step_of(courant).dt, ρ, w)
+    return lambda courant: mpm.GeneralizedAlpha(step_of(courant).dt, ρ, w)
 
 
 def cases(quick: bool) -> Iterator[tuple[dict, Callable[[], dict]]]:
@@ -186,11 +176,13 @@ def cases(quick: bool) -> Iterator[tuple[dict, Callable[[], dict]]]:
                             {}, "block 4×3, free", mapping, courant, offset=offset, sweeps=sweeps
                         )
         for mapping, offset in (
-            () if quick else ((GIMP, 0.0), (DM_GC, 0.0), (DM_GC, 0.3), (DM_GCL, 0.3))
+            ()
+            if quick
+            else ((mpm.GIMP, 0.0), (mpm.DM_GC, 0.0), (mpm.DM_GC, 0.3), (mpm.DM_GCL, 0.3))
         ):
             yield at_rest({}, "block 8×8, free", mapping, courant, offset=offset)
         for ρ, w in ((0.9, 0.0), (0.8, 0.0), (0.5, 0.0), (0.0, 0.0), (1.0, 1.0), (0.8, 0.8)):
-            yield at_rest({"radius": ρ, "start": w}, "bar, free", DM_GC, courant, alpha(ρ, w))
+            yield at_rest({"radius": ρ, "start": w}, "bar, free", mpm.DM_GC, courant, alpha(ρ, w))
             yield at_rest(
                 {"radius": ρ, "start": w, "strain": "the paper's"},
                 "block 4×3, free",
@@ -203,7 +195,9 @@ def cases(quick: bool) -> Iterator[tuple[dict, Callable[[], dict]]]:
             for scene in ("bar, free", "block 4×3, free"):
                 yield at_rest({"strain": name}, scene, mapping, courant, change=change)
         for mapping in MAPPINGS:
-            for ρ in (1.0, 0.9, 0.8, 0.5) if mapping in (GIMP, DM_GC) and not quick else (1.0,):
+            for ρ in (
+                (1.0, 0.9, 0.8, 0.5) if mapping in (mpm.GIMP, mpm.DM_GC) and not quick else (1.0,)
+            ):
                 row = {
                     "motion": "0.3 cells a step",
                     "scene": "bar, free",

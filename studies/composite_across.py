@@ -23,20 +23,10 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from mpm_fenicsx import (
-    DM_GC,
-    Energy,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    RunError,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.mapping.composite_patches import Composite
 
-soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+soil = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 
 
 class TensorProduct(Composite):
@@ -67,9 +57,9 @@ class TensorProduct(Composite):
 ACROSS = {"linear": Composite, "tensor product": TensorProduct}
 
 
-def run_of(across: str, *scene, **options) -> Simulation:
+def run_of(across: str, *scene, **options) -> mpm.Simulation:
     """A simulation with one of the ways."""
-    run = Simulation(*scene, DM_GC, **options)
+    run = mpm.Simulation(*scene, mpm.DM_GC, **options)
     run.composites = [ACROSS[across](run.grid)]
     return run
 
@@ -78,9 +68,15 @@ def wave(across: str, kind: str, cells: int) -> dict:
     """Errors of a standing wave with one half-wave a side, over a period, at Courant number ¼."""
     k, speed = np.pi, soil.s_speed if kind == "shear" else soil.p_speed
     ω, steps = np.sqrt(2) * k * speed, round(4 * np.sqrt(2) * cells)
-    grid, stepping = Grid.box((0, 0), (1, 1), (cells, cells)), Newmark(2 * np.pi / ω / steps)
-    walls = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
-    body = MaterialPoints.fill(grid, soil, 4)
+    grid, stepping = (
+        mpm.Grid.box((0, 0), (1, 1), (cells, cells)),
+        mpm.Newmark(2 * np.pi / ω / steps),
+    )
+    walls = [
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom", "top"), "y"),
+    ]
+    body = mpm.MaterialPoints.fill(grid, soil, 4)
     X, sign = body.x.copy(), -1.0 if kind == "shear" else 1.0
     sx, cx, sy, cy = (f(k * X[:, d]) for d in (0, 1) for f in (np.sin, np.cos))
     shape = np.stack((sx * cy, sign * cx * sy), axis=1)
@@ -112,9 +108,9 @@ def block(
 ) -> dict:
     """Energy left (-) in a free block, ``offset`` cells off the grid lines."""
     h, (nx, ny) = 0.25, cells
-    grid = Grid.box((0, 0), (2 * nx * h, 2 * ny * h), (2 * nx, 2 * ny))
-    stepping = Newmark(courant * h / soil.p_speed)
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box((0, 0), (2 * nx * h, 2 * ny * h), (2 * nx, 2 * ny))
+    stepping = mpm.Newmark(courant * h / soil.p_speed)
+    body = mpm.MaterialPoints.fill(
         grid,
         soil,
         4,
@@ -124,12 +120,12 @@ def block(
     body.velocity[:, 0] = 1e-5 * soil.p_speed * np.cos(np.pi * (body.x[:, 0] / h - 1) / nx)
     body.x += offset * h
     run, left = run_of(across, grid, body, stepping, []), np.inf
-    energy = run.record(Energy())
+    energy = run.record(mpm.Energy())
     try:
         for _ in range(steps):
             run.step()
         left = energy.left[-1] / energy.left[0]
-    except RunError:
+    except mpm.RunError:
         pass
     return {
         "across": across,

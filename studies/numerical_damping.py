@@ -45,42 +45,29 @@ from numerical_damping_cases import (
 from rich.console import Console
 from rich.progress import track
 
-from mpm_fenicsx import (
-    CMPM,
-    DM,
-    DM_C,
-    DM_G,
-    DM_GC,
-    DM_GCL,
-    GIMP,
-    MPM,
-    PAPER,
-    AccelerationCorrection,
-    Mapping,
-    RunError,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.scenes.wave import Wave
 
-OFF, LUMPED = AccelerationCorrection.OFF, AccelerationCorrection.LUMPED
+OFF, LUMPED = mpm.AccelerationCorrection.OFF, mpm.AccelerationCorrection.LUMPED
 EXACT, DEFAULT = "finite elements", "DM-GC"
-VARIANTS: dict[str, Mapping | None] = {
+VARIANTS: dict[str, mpm.Mapping | None] = {
     EXACT: None,
-    "MPM": MPM,
-    "GIMP": GIMP,
-    "CMPM": CMPM,
-    "DM": DM,
-    "DM-G": DM_G,
-    "DM-C": DM_C,
-    DEFAULT: DM_GC,
-    "DM-GCL": DM_GCL,
-    "the paper's": PAPER["mapping"],
-    "DM-GC, uncorrected": replace(DM_GC, sweeps=1, correction=OFF),
-    "DM-GC, lumped": replace(DM_GC, sweeps=1, correction=LUMPED),
-    "DM-GC, 1 sweep": replace(DM_GC, sweeps=1),
-    "DM-GC, 2 sweeps": replace(DM_GC, sweeps=2),
-    "DM-GC, 3 sweeps": replace(DM_GC, sweeps=3),
-    "DM-G, uncorrected": replace(DM_G, sweeps=1, correction=OFF),
-    "DM-GC, b_bar": replace(DM_GC, b_bar=True),
+    "MPM": mpm.MPM,
+    "GIMP": mpm.GIMP,
+    "CMPM": mpm.CMPM,
+    "DM": mpm.DM,
+    "DM-G": mpm.DM_G,
+    "DM-C": mpm.DM_C,
+    DEFAULT: mpm.DM_GC,
+    "DM-GCL": mpm.DM_GCL,
+    "the paper's": mpm.PAPER["mapping"],
+    "DM-GC, uncorrected": replace(mpm.DM_GC, sweeps=1, correction=OFF),
+    "DM-GC, lumped": replace(mpm.DM_GC, sweeps=1, correction=LUMPED),
+    "DM-GC, 1 sweep": replace(mpm.DM_GC, sweeps=1),
+    "DM-GC, 2 sweeps": replace(mpm.DM_GC, sweeps=2),
+    "DM-GC, 3 sweeps": replace(mpm.DM_GC, sweeps=3),
+    "DM-G, uncorrected": replace(mpm.DM_G, sweeps=1, correction=OFF),
+    "DM-GC, b_bar": replace(mpm.DM_GC, b_bar=True),
 }
 CHANGES = {
     "the paper's": across
@@ -186,7 +173,7 @@ class Book:
         """Write down a row, with what went wrong if it did."""
         try:
             found = how()
-        except RunError as error:
+        except mpm.RunError as error:
             found = {"failed": str(error)}
         self.add(labels, found)
 

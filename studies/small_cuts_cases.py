@@ -9,28 +9,16 @@ from dataclasses import replace
 import numpy as np
 from scipy.sparse import csr_matrix
 
-from mpm_fenicsx import (
-    DM_GC,
-    Fixed,
-    Grid,
-    LinearElastic,
-    Mapping,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    Traction,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.scenes import bar as bars
 from mpm_fenicsx.scenes import column
 from mpm_fenicsx.scenes.foundation import Foundation
 
-soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+soil = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 h, n, σ, miss = 0.25, 3, 100e3, 0.01  # m, cells of a block's edge, Pa, -
 
 
-def alone(mapping: Mapping) -> Mapping:
+def alone(mapping: mpm.Mapping) -> mpm.Mapping:
     """The mapping without ties, which are a cure of their own."""
     return replace(mapping, hold_cut_cells=False)
 
@@ -38,18 +26,18 @@ def alone(mapping: Mapping) -> Mapping:
 # -- one step of a free body -----------------------------------------------------------------------
 
 
-def body_of(shape: str, dim: int, cut: float, rng) -> tuple[Grid, MaterialPoints]:
+def body_of(shape: str, dim: int, cut: float, rng) -> tuple[mpm.Grid, mpm.MaterialPoints]:
     """A block, its upper corner ``cut`` of a cell over grid lines, or a ball anywhere, with room
     around."""
-    grid = Grid.box([-2 * h] * dim, [(n + 2) * h] * dim, [n + 4] * dim)
+    grid = mpm.Grid.box([-2 * h] * dim, [(n + 2) * h] * dim, [n + 4] * dim)
     if shape == "block":
-        points = MaterialPoints.fill(
+        points = mpm.MaterialPoints.fill(
             grid, soil, 2**dim, inside=lambda x: ((x > 0) & (x < n * h)).all(axis=0)
         )
         points.x += cut * h
     else:
         centre = 0.5 * n * h + rng.uniform(-0.5, 0.5, (dim, 1)) * h
-        points = MaterialPoints.fill(
+        points = mpm.MaterialPoints.fill(
             grid, soil, 2**dim, inside=lambda x: ((x - centre) ** 2).sum(axis=0) < (1.3 * h) ** 2
         )
         points.x += cut * h * rng.uniform(-1.0, 1.0, dim)
@@ -71,7 +59,9 @@ def released(
     """Condition, and largest acceleration of the grid in σ/(ρ h), where a stress is set free."""
     grid, points = body_of(shape, dim, cut, np.random.default_rng(seed))
     points.stress[:, :dim] = σ
-    run = Simulation(grid, points, Newmark(courant * h / soil.p_speed), cure, alone(mapping))
+    run = mpm.Simulation(
+        grid, points, mpm.Newmark(courant * h / soil.p_speed), cure, alone(mapping)
+    )
     run.prepare(0.0, run.stepping.dt)
     run.predict()
     run.solve()
@@ -88,10 +78,10 @@ def released(
 
 def statics(cut: float, mapping, cure: list, cells: int = 4) -> float:
     """Error of stress and of the edge's displacement, relative to what the 1 % does."""
-    grid = Grid.box((0, 0), [(cells + 2) * h] * 2, [cells + 2] * 2)
-    points = MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x < cells * h).all(axis=0))
+    grid = mpm.Grid.box((0, 0), [(cells + 2) * h] * 2, [cells + 2] * 2)
+    points = mpm.MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x < cells * h).all(axis=0))
     factor = 1 + cut / cells
-    points = MaterialPoints(
+    points = mpm.MaterialPoints(
         soil,
         factor * points.x,
         factor * points.half,
@@ -101,9 +91,9 @@ def statics(cut: float, mapping, cure: list, cells: int = 4) -> float:
     points.stress[:, :3] = σ * np.array([1.0, 1.0, 2 * soil.poisson])
     sides = [points.surface(side) for side in ("right", "top")]
     before = [on.x.copy() for on in sides]
-    terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
-    terms += [Traction(on, tuple((1 + miss) * σ * on.normal[0])) for on in sides]
-    Simulation(grid, points, QuasiStatic(1), terms + cure, alone(mapping)).until(1.0)
+    terms = [mpm.Fixed(grid.facets("left"), "x"), mpm.Fixed(grid.facets("bottom"), "y")]
+    terms += [mpm.Traction(on, tuple((1 + miss) * σ * on.normal[0])) for on in sides]
+    mpm.Simulation(grid, points, mpm.QuasiStatic(1), terms + cure, alone(mapping)).until(1.0)
     moved = miss * σ / (2 * sum(soil.lame)) * cells * h
     far = max(np.abs(on.x - x).max() for on, x in zip(sides, before, strict=True))
     return float(
@@ -133,7 +123,7 @@ def pulse(base: str, mapping, cure: list) -> dict:
 
 def drift(cure: list, steps: int) -> dict:
     """The foundation between dashpots, which moves the points a hair into cells."""
-    run = Foundation("viscous", cell=0.125, more=tuple(cure)).material_points(alone(DM_GC))
+    run = Foundation("viscous", cell=0.125, more=tuple(cure)).material_points(alone(mpm.DM_GC))
     run.step()  # what is compiled and allocated is not timed
     row, far, iterations, stopped, start = {}, 0.0, [], None, time.perf_counter()
     try:
@@ -141,7 +131,7 @@ def drift(cure: list, steps: int) -> dict:
             run.step()
             far = max(far, float(np.abs(run.motion.u.x.array).max()))
             iterations.append(run.equilibrium.iterations)
-    except RunError as error:
+    except mpm.RunError as error:
         stopped = str(error)
     row.update(
         steps=run.steps,

@@ -13,30 +13,14 @@ import dense
 import numpy as np
 import ranks
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    InitialAcceleration,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    QuasiStatic,
-    Simulation,
-    Solver,
-    Traction,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.grid.gauss_points import GaussField, GaussPoints
 
-ELASTIC = LinearElastic(young=20e6, poisson=0.3, density=1500.0)
-LAW = VonMises(ELASTIC, peak=10e3, residual=4e3, softening=200e3)
-DIRECT = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
-STIFFLY = Newton(tolerance=1e-11)
+ELASTIC = mpm.LinearElastic(young=20e6, poisson=0.3, density=1500.0)
+LAW = mpm.VonMises(ELASTIC, peak=10e3, residual=4e3, softening=200e3)
+DIRECT = mpm.Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
+STIFFLY = mpm.Newton(tolerance=1e-11)
 EXACT = replace(DIRECT, newton=STIFFLY)
 
 
@@ -54,9 +38,9 @@ def unrest(rng, stress: np.ndarray, history: np.ndarray, law=LAW) -> None:
 def run_of(kind, grid, stepping, terms, body=None, law=LAW, **keywords):
     """A run of finite elements (``kind`` None) or of points, evenly placed if none are given."""
     if kind is None:
-        return FiniteElements(grid, law, stepping, terms, **keywords)
-    body = MaterialPoints.fill(grid, law, 2**grid.dim) if body is None else body
-    return Simulation(grid, body, stepping, terms, kind, **keywords)
+        return mpm.FiniteElements(grid, law, stepping, terms, **keywords)
+    body = mpm.MaterialPoints.fill(grid, law, 2**grid.dim) if body is None else body
+    return mpm.Simulation(grid, body, stepping, terms, kind, **keywords)
 
 
 def loads(grid, size=1.0):
@@ -66,19 +50,19 @@ def loads(grid, size=1.0):
     top = np.array([3e3, -45e3]) if dim == 2 else np.array([2e3, 2e3, -45e3])
     on, base = ("top", "bottom") if dim == 2 else ("front", "back")
     held = {"left": "x", "right": "x", "bottom": "y", "top": "y"}
-    walls = [Fixed(grid.facets(side), held[side]) for side in list(held)[: 2 * dim - 2]]
+    walls = [mpm.Fixed(grid.facets(side), held[side]) for side in list(held)[: 2 * dim - 2]]
     return [
         *walls,
-        Fixed(grid.facets(base)),
-        Gravity((0.0,) * (dim - 1) + (-9.81,)),
-        Traction(grid.facets(on), lambda t, x: size * t * (0.6 + 0.8 * x[:, :1]) * top),
+        mpm.Fixed(grid.facets(base)),
+        mpm.Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        mpm.Traction(grid.facets(on), lambda t, x: size * t * (0.6 + 0.8 * x[:, :1]) * top),
     ]
 
 
 def static(kind, newton, dim=2, steps=1, size=1.0):
     """Quasi-static push of a block of 3^dim uneven cells that yields."""
     grid, solver = dense.uneven(dim), replace(DIRECT, newton=newton)
-    return run_of(kind, grid, QuasiStatic(steps), loads(grid, size), solver=solver)
+    return run_of(kind, grid, mpm.QuasiStatic(steps), loads(grid, size), solver=solver)
 
 
 def prepared(run):
@@ -106,7 +90,7 @@ def residuals(run) -> list[float]:
 
 # -- several ranks ---------------------------------------------------------------------------------
 
-SEVERAL = ((None, 2), (None, 3), (GIMP, 2), (DM_GC, 2), (DM_GC, 3))
+SEVERAL = ((None, 2), (None, 3), (mpm.GIMP, 2), (mpm.DM_GC, 2), (mpm.DM_GC, 3))
 
 
 def rows_by_place(grid, field) -> dict:
@@ -134,28 +118,32 @@ def gathered(dim) -> dict:
 def plastic_step(kind, dim) -> dict:
     """Two steps of random points, or of finite elements, that yield."""
     grid = ranks.grid_of(dim)
-    law = VonMises(ELASTIC, peak=10e3, residual=4e3, softening=50e3)
+    law = mpm.VonMises(ELASTIC, peak=10e3, residual=4e3, softening=50e3)
     pull = np.array([15e3, 9e3, 9e3])[:dim]
     terms = [
-        Fixed(grid.facets("bottom")),
-        Gravity((0.0,) * (dim - 1) + (-9.81,)),
-        Traction(grid.facets("left"), pull),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        mpm.Traction(grid.facets("left"), pull),
     ]
     if kind is None:
-        run = FiniteElements(grid, law, Newmark(0.02), terms, solver=Solver(newton=STIFFLY))
+        run = mpm.FiniteElements(
+            grid, law, mpm.Newmark(0.02), terms, solver=mpm.Solver(newton=STIFFLY)
+        )
     else:
         elastic, number = ranks.body_of(grid)
         elastic.stress *= 0.1
-        body = MaterialPoints(law, elastic.x, elastic.half, elastic.volume, stress=elastic.stress)
+        body = mpm.MaterialPoints(
+            law, elastic.x, elastic.half, elastic.volume, stress=elastic.stress
+        )
         # random stress is out of balance: a start that knows it throws points out of the grid
-        run = Simulation(
+        run = mpm.Simulation(
             grid,
             body,
-            Newmark(5e-3),
+            mpm.Newmark(5e-3),
             terms,
             kind,
-            Solver(newton=Newton(tolerance=1e-9), petsc={"ksp_rtol": 1e-13}),
-            InitialAcceleration.ZERO,
+            mpm.Solver(newton=mpm.Newton(tolerance=1e-9), petsc={"ksp_rtol": 1e-13}),
+            mpm.InitialAcceleration.ZERO,
         )
     solves = []
     for _ in range(2):
@@ -171,7 +159,7 @@ def plastic_step(kind, dim) -> dict:
                 number, body.x.tolist(), body.stress, body.history[:, 0], strict=True
             )
         }
-        out["tangent"] = rows_by_place(grid, run.yielding.tangent) if kind is DM_GC else {}
+        out["tangent"] = rows_by_place(grid, run.yielding.tangent) if kind is mpm.DM_GC else {}
     return out
 
 

@@ -19,66 +19,38 @@ from mpi4py import MPI
 import numpy as np
 from dolfinx import fem
 
-from mpm_fenicsx import (
-    DM_GC,
-    DM_GCL,
-    GIMP,
-    MPM,
-    Checkpoint,
-    DeadLoad,
-    Energy,
-    FiniteElements,
-    Fixed,
-    GhostPenalty,
-    Gravity,
-    Grid,
-    Hencky,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Probe,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    Snapshots,
-    Solver,
-    SurfacePoints,
-    Traction,
-    ViscoelasticBoundary,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.grid import dolfinx_versions
 
-SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
-FINITE = Hencky(young=20e6, poisson=0.25, density=1500.0)
-CLAY = VonMises(SOIL, peak=2e3, residual=1e3, softening=1e5, length=0.5)
-EXACT = Solver(petsc={"ksp_rtol": 1e-13, "ksp_max_it": 2000})
+SOIL = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+FINITE = mpm.Hencky(young=20e6, poisson=0.25, density=1500.0)
+CLAY = mpm.VonMises(SOIL, peak=2e3, residual=1e3, softening=1e5, length=0.5)
+EXACT = mpm.Solver(petsc={"ksp_rtol": 1e-13, "ksp_max_it": 2000})
 
 
 def key(x) -> str:
     return ",".join(f"{round(v, 9) + 0.0:.9f}" for v in x)
 
 
-def nodal(grid: Grid, values: np.ndarray) -> dict:
+def nodal(grid: mpm.Grid, values: np.ndarray) -> dict:
     """Rows (nodes, f) of this rank's own nodes."""
     own = grid.space.dofmap.index_map.size_local
     x = grid.space.tabulate_dof_coordinates()[:own, : grid.dim]
     return {key(at): row.tolist() for at, row in zip(x, values[:own], strict=True)}
 
 
-def grid_of(dim: int) -> Grid:
+def grid_of(dim: int) -> mpm.Grid:
     lines = [
         np.array([0, 0.3, 0.8, 1.0, 1.5, 1.7, 2.0]),
         np.array([0, 0.4, 0.7, 1.1, 1.4]),
         np.array([0, 0.5, 1.2]),
     ]
-    return Grid.rectilinear(lines[:dim])
+    return mpm.Grid.rectilinear(lines[:dim])
 
 
 def body_of(
-    grid: Grid, part: Callable = lambda x: x[:, 0] < np.inf
-) -> tuple[MaterialPoints, np.ndarray]:
+    grid: mpm.Grid, part: Callable = lambda x: x[:, 0] < np.inf
+) -> tuple[mpm.MaterialPoints, np.ndarray]:
     """Random points, the same on any number of ranks, and their numbers; the top right corner is
     empty.
 
@@ -96,10 +68,10 @@ def body_of(
     number = np.flatnonzero((cell >= 0) & (cell < grid.owned_cells) & body & part(x))
     here = (v[number] for v in (x, half, (2 * half).prod(axis=1), stress, velocity))
     x, half, volume, stress, velocity = here
-    return MaterialPoints(SOIL, x, half, volume, stress=stress, velocity=velocity), number
+    return mpm.MaterialPoints(SOIL, x, half, volume, stress=stress, velocity=velocity), number
 
 
-def markers_of(grid: Grid) -> SurfacePoints:
+def markers_of(grid: mpm.Grid) -> mpm.SurfacePoints:
     """Random surface points of the cells of this rank."""
     rng = np.random.default_rng(4)
     x = grid.lower_corner + rng.uniform(0.05, 0.3, (12, grid.dim)) * (
@@ -108,12 +80,12 @@ def markers_of(grid: Grid) -> SurfacePoints:
     normal = rng.normal(size=x.shape)
     cell = grid.find(x)
     here = (cell >= 0) & (cell < grid.owned_cells)
-    return SurfacePoints(
+    return mpm.SurfacePoints(
         x[here], (normal / np.linalg.norm(normal, axis=1)[:, None])[here], np.full(here.sum(), 0.1)
     )
 
 
-def action(grid: Grid, A) -> dict:
+def action(grid: mpm.Grid, A) -> dict:
     """The matrix on a smooth vector."""
     f = fem.Function(grid.space)
     x = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
@@ -127,13 +99,13 @@ def action(grid: Grid, A) -> dict:
     return nodal(grid, out.array.reshape(-1, grid.dim))
 
 
-def projected(grid: Grid, projection) -> dict:
+def projected(grid: mpm.Grid, projection) -> dict:
     centre = 0.5 * (grid.lattice.lower + grid.lattice.upper)
     values = np.stack([f.x.array[projection.dofs] for f in projection.fields], -1)
     return {key(centre[c]): values[c].ravel().tolist() for c in range(grid.owned_cells)}
 
 
-def ghosts_agree(grid: Grid, f: fem.Function) -> float:
+def ghosts_agree(grid: mpm.Grid, f: fem.Function) -> float:
     """Largest difference between ghost values and their owners'."""
     before = f.x.array.copy()
     dolfinx_versions.share(f)
@@ -145,19 +117,19 @@ def still(dim: int, mapping) -> dict:
     grid = grid_of(dim)
     body, _ = body_of(grid)
     terms = [
-        Gravity((0.0,) * (dim - 1) + (-9.81,)),
-        Traction(grid.facets("left"), (1e3, *(2e3,) * (dim - 1))),
-        ViscoelasticBoundary(grid.facets("bottom"), SOIL, 3.0),
-        ViscoelasticBoundary(markers_of(grid), SOIL, 2.0),
+        mpm.Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        mpm.Traction(grid.facets("left"), (1e3, *(2e3,) * (dim - 1))),
+        mpm.ViscoelasticBoundary(grid.facets("bottom"), SOIL, 3.0),
+        mpm.ViscoelasticBoundary(markers_of(grid), SOIL, 2.0),
     ]
-    run = Simulation(grid, body, Newmark(1e-4), terms, mapping)
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-4), terms, mapping)
     run.locate()
     run.project()
     run.scene.prepare(run.time, run.next_time)
     run.predict()
     run.solve()
-    dynamic = Simulation(grid, body_of(grid)[0], Newmark(1e-4), [], mapping)
-    static = Simulation(grid, body_of(grid)[0], QuasiStatic(1), [], mapping)
+    dynamic = mpm.Simulation(grid, body_of(grid)[0], mpm.Newmark(1e-4), [], mapping)
+    static = mpm.Simulation(grid, body_of(grid)[0], mpm.QuasiStatic(1), [], mapping)
     out = {"fields": projected(grid, run.properties.projections[0]), "internal": {}}
     for name, part in (("all", run), ("inertia", dynamic), ("stiffness", static)):
         part.locate()
@@ -187,13 +159,13 @@ def moving(dim: int, mapping, more: tuple = ()) -> dict:
     grid = grid_of(dim)
     body, number = body_of(grid)
     terms = [
-        Gravity((0.0,) * (dim - 1) + (-9.81,)),
-        Fixed(grid.facets("left", "right"), "x"),
-        ViscoelasticBoundary(grid.facets("bottom"), SOIL, 3.0),
-        ViscoelasticBoundary(markers_of(grid), SOIL, 2.0),
+        mpm.Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.ViscoelasticBoundary(grid.facets("bottom"), SOIL, 3.0),
+        mpm.ViscoelasticBoundary(markers_of(grid), SOIL, 2.0),
         *more,
     ]
-    run = Simulation(grid, body, Newmark(1e-4), terms, mapping, EXACT)
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-4), terms, mapping, EXACT)
     for _ in range(4):
         run.step()
     rows = np.hstack((body.x, 1e-6 * body.stress, body.velocity, 1e-2 * body.acceleration))
@@ -203,13 +175,13 @@ def moving(dim: int, mapping, more: tuple = ()) -> dict:
 def settled(dim: int, mapping) -> dict:
     """A body cut by grid lines comes to rest, and what its base bears."""
     grid = grid_of(dim)
-    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: (x[0] < 1.2) & (x[1] < 1.2))
+    body = mpm.MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: (x[0] < 1.2) & (x[1] < 1.2))
     start = body.x.copy()
     body.x[:, 0] += 0.03
     base = "bottom" if dim == 2 else "back"
-    across = [] if dim == 2 else [Fixed(grid.facets("bottom"), "y")]
-    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets(base)), *across]
-    run = Simulation(grid, body, QuasiStatic(1), terms, mapping)
+    across = [] if dim == 2 else [mpm.Fixed(grid.facets("bottom"), "y")]
+    terms = [mpm.Gravity((0.0,) * (dim - 1) + (-9.81,)), mpm.Fixed(grid.facets(base)), *across]
+    run = mpm.Simulation(grid, body, mpm.QuasiStatic(1), terms, mapping)
     run.step()
     left = run.settle(1e-5)  # a few steps
     own = grid.space.dofmap.index_map.size_local
@@ -221,7 +193,7 @@ def settled(dim: int, mapping) -> dict:
         )
     )
     assert left <= 1e-5 and abs(borne / weight - 1) < 1e-4 and run.holding.ties.P is not None
-    free = Simulation(grid, body, QuasiStatic(1), terms[:1], mapping)
+    free = mpm.Simulation(grid, body, mpm.QuasiStatic(1), terms[:1], mapping)
     try:
         free.step()
         heard = 0
@@ -234,7 +206,7 @@ def settled(dim: int, mapping) -> dict:
     }
 
 
-def rows_of(body: MaterialPoints) -> np.ndarray:
+def rows_of(body: mpm.MaterialPoints) -> np.ndarray:
     """What points of a dynamic run carry, brought to sizes that compare."""
     return np.hstack((body.x, 1e-6 * body.stress, body.velocity, 1e-2 * body.acceleration))
 
@@ -243,9 +215,9 @@ def of_two_bodies(dim: int, mapping) -> dict:
     """Bodies that share cells, of one of which a rank may hold no point."""
     grid = grid_of(dim)
     both = [body_of(grid, part) for part in (lambda x: x[:, 0] < 0.55, lambda x: x[:, 0] >= 0.55)]
-    terms = [Gravity((0.0,) * (dim - 1) + (-9.81,)), Fixed(grid.facets("left"))]
+    terms = [mpm.Gravity((0.0,) * (dim - 1) + (-9.81,)), mpm.Fixed(grid.facets("left"))]
     bodies = [body for body, _ in both]
-    run = Simulation(grid, bodies, Newmark(1e-4), terms, mapping, EXACT)
+    run = mpm.Simulation(grid, bodies, mpm.Newmark(1e-4), terms, mapping, EXACT)
     for _ in range(3):
         run.step()
     return {
@@ -259,11 +231,13 @@ def of_two_bodies(dim: int, mapping) -> dict:
 
 def jittered(dim: int) -> dict:
     """Random places, by the even ones that they were moved from."""
-    body = MaterialPoints.fill(grid_of(dim), SOIL, 2**dim, lambda x: x[0] < 1.6, jitter=0.4, seed=5)
+    body = mpm.MaterialPoints.fill(
+        grid_of(dim), SOIL, 2**dim, lambda x: x[0] < 1.6, jitter=0.4, seed=5
+    )
     return {"points": {key(seat): x.tolist() for seat, x in zip(body.seat, body.x, strict=True)}}
 
 
-def faces_by_hand(grid: Grid) -> SurfacePoints:
+def faces_by_hand(grid: mpm.Grid) -> mpm.SurfacePoints:
     """All of a surface, on each rank: faces along the bottom, some of them across grid lines or in
     the corner of four cells, whose Gauss points lie in the cells of several ranks."""
     dim, rng = grid.dim, np.random.default_rng(6)
@@ -280,7 +254,7 @@ def faces_by_hand(grid: Grid) -> SurfacePoints:
     )
     x = centre[:, None] + sign * half / np.sqrt(3.0)
     k = len(sign)
-    return SurfacePoints(
+    return mpm.SurfacePoints(
         x.reshape(-1, dim), np.repeat(normal, k, axis=0), np.full(k * len(centre), 0.1), per_face=k
     )
 
@@ -298,16 +272,16 @@ def surfaces_by_hand(dim: int) -> dict:
     ]  # on grid lines
     x[5] = x[4]  # given twice: acts twice
     normal = rng.normal(size=x.shape)
-    points = SurfacePoints(
+    points = mpm.SurfacePoints(
         x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.2, len(x))
     )
     faces = faces_by_hand(grid)
     loads = [1e4 * rng.normal(size=s.x.shape) for s in (points, faces)]
     for _ in range(2):
-        terms = [Fixed(grid.facets("left"), "x"), DeadLoad(points, lambda t, x: 1e4 * x)]
-        terms += [ViscoelasticBoundary(faces, SOIL, 0.5)] if dim == 2 else []
-        terms += [Traction(s, load) for s, load in zip((points, faces), loads, strict=True)]
-        run = Simulation(grid, body, Newmark(1e-4), terms, solver=EXACT)
+        terms = [mpm.Fixed(grid.facets("left"), "x"), mpm.DeadLoad(points, lambda t, x: 1e4 * x)]
+        terms += [mpm.ViscoelasticBoundary(faces, SOIL, 0.5)] if dim == 2 else []
+        terms += [mpm.Traction(s, load) for s, load in zip((points, faces), loads, strict=True)]
+        run = mpm.Simulation(grid, body, mpm.Newmark(1e-4), terms, solver=EXACT)
         for _ in range(2):
             run.step()
     out = {"points": {str(n): row.tolist() for n, row in zip(number, rows_of(body), strict=True)}}
@@ -326,25 +300,25 @@ def lacking(cells: tuple[int, ...], material, stepping, mapping, end: float, fol
     """A body that ends at ``end`` of the grid's length: a rank may hold none of it, or not even a
     cell."""
     dim = len(cells)
-    grid = Grid.box((0.0,) * dim, tuple(map(float, cells)), cells)
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box((0.0,) * dim, tuple(map(float, cells)), cells)
+    body = mpm.MaterialPoints.fill(
         grid, material, 2**dim, lambda x: (x[0] < end) & (x[1] < cells[1] - 0.25)
     )
     across, dynamic, whole = (0.0,) * (dim - 2), stepping.dynamic, (material, dim) == (SOIL, 2)
     terms = [
-        Gravity((0.0, -9.81, *across)),
-        Fixed(grid.facets("left"), "x"),
-        Fixed(grid.facets("bottom")),
-        Traction(body.surface("top"), (0.0, -1e3, *across)),
+        mpm.Gravity((0.0, -9.81, *across)),
+        mpm.Fixed(grid.facets("left"), "x"),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Traction(body.surface("top"), (0.0, -1e3, *across)),
     ]
     if whole:
-        terms += [ViscoelasticBoundary(body.surface("right"), SOIL, 3.0), GhostPenalty()]
-    solver = replace(EXACT if dynamic else Solver(), newton=Newton(1e-12))
-    run = Simulation(grid, body, stepping, terms, mapping, solver)
-    energy = run.record(Energy()) if whole else None
-    probe = run.record(Probe("stress", (0.5,) * dim))
-    run.record(Snapshots(folder / "shot"))
-    run.record(Checkpoint(folder / "check"))
+        terms += [mpm.ViscoelasticBoundary(body.surface("right"), SOIL, 3.0), mpm.GhostPenalty()]
+    solver = replace(EXACT if dynamic else mpm.Solver(), newton=mpm.Newton(1e-12))
+    run = mpm.Simulation(grid, body, stepping, terms, mapping, solver)
+    energy = run.record(mpm.Energy()) if whole else None
+    probe = run.record(mpm.Probe("stress", (0.5,) * dim))
+    run.record(mpm.Snapshots(folder / "shot"))
+    run.record(mpm.Checkpoint(folder / "check"))
     for _ in range(2):
         run.step()
     run.restart(folder / "check")
@@ -362,22 +336,24 @@ def lacking(cells: tuple[int, ...], material, stepping, mapping, end: float, fol
     return out
 
 
-def twin(dim: int, stepping, b_bar: bool = False, grid: Grid | None = None, material=SOIL) -> dict:
+def twin(
+    dim: int, stepping, b_bar: bool = False, grid: mpm.Grid | None = None, material=SOIL
+) -> dict:
     """Finite elements."""
     grid = grid or grid_of(dim)
     across, up = (0.0,) * (dim - 1), "xyz"[dim - 1]
     terms = [
-        Fixed(grid.facets("left"), "x"),
-        Fixed(grid.facets("bottom" if dim == 2 else "back"), up),
-        Traction(grid.facets("right"), lambda t, x: 1e3 * x + t),
-        Gravity((*across, -9.81)),
+        mpm.Fixed(grid.facets("left"), "x"),
+        mpm.Fixed(grid.facets("bottom" if dim == 2 else "back"), up),
+        mpm.Traction(grid.facets("right"), lambda t, x: 1e3 * x + t),
+        mpm.Gravity((*across, -9.81)),
     ]
     if stepping.dynamic:
-        terms.append(ViscoelasticBoundary(grid.facets("top"), SOIL, 3.0))
+        terms.append(mpm.ViscoelasticBoundary(grid.facets("top"), SOIL, 3.0))
     elif dim == 3:
-        terms.append(Fixed(grid.facets("bottom"), "y"))
-    solver = Solver(newton=Newton(1e-12))
-    run = FiniteElements(grid, material, stepping, terms, solver=solver, b_bar=b_bar)
+        terms.append(mpm.Fixed(grid.facets("bottom"), "y"))
+    solver = mpm.Solver(newton=mpm.Newton(1e-12))
+    run = mpm.FiniteElements(grid, material, stepping, terms, solver=solver, b_bar=b_bar)
     for _ in range(3):
         run.step()
     return {"displacement": nodal(grid, run.motion.nodal(run.displacement))}
@@ -386,24 +362,24 @@ def twin(dim: int, stepping, b_bar: bool = False, grid: Grid | None = None, mate
 def layers(dim: int, finite: bool) -> dict:
     """Finite elements of three materials, two of which yield, on springs that a second run has."""
     grid = grid_of(dim)
-    elastic = Hencky(20e6, 0.25, 1500.0) if finite else LinearElastic(20e6, 0.25, 1500.0)
-    scaled = VonMises(elastic, 12e3, 6e3, 40e3, length=0.5)
+    elastic = mpm.Hencky(20e6, 0.25, 1500.0) if finite else mpm.LinearElastic(20e6, 0.25, 1500.0)
+    scaled = mpm.VonMises(elastic, 12e3, 6e3, 40e3, length=0.5)
     parts = (
-        (VonMises(elastic, 10e3, 4e3, 50e3), lambda x: x[0] < 0.8),
+        (mpm.VonMises(elastic, 10e3, 4e3, 50e3), lambda x: x[0] < 0.8),
         (SOIL, lambda x: (x[0] > 0.8) & (x[0] < 1.5)),
         (scaled, lambda x: x[0] > 1.5),
     )
-    bodies = [MaterialPoints.fill(grid, law, 2**dim, inside) for law, inside in parts]
+    bodies = [mpm.MaterialPoints.fill(grid, law, 2**dim, inside) for law, inside in parts]
     pull = np.array([15e3, 9e3, 9e3])[:dim]
     terms = [
-        ViscoelasticBoundary(grid.facets("bottom"), SOIL, 3.0),
-        Gravity((0.0,) * (dim - 1) + (-9.81,)),
-        Traction(grid.facets("left", "right"), pull),
+        mpm.ViscoelasticBoundary(grid.facets("bottom"), SOIL, 3.0),
+        mpm.Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        mpm.Traction(grid.facets("left", "right"), pull),
     ]
-    solver, start = Solver(newton=Newton(tolerance=1e-11)), None
+    solver, start = mpm.Solver(newton=mpm.Newton(tolerance=1e-11)), None
     for _ in range(2):
-        run = FiniteElements(grid, bodies, Newmark(0.02), terms, solver=solver, start=start)
-        energy = run.record(Energy())
+        run = mpm.FiniteElements(grid, bodies, mpm.Newmark(0.02), terms, solver=solver, start=start)
+        energy = run.record(mpm.Energy())
         run.step()
         run.step()
         start = run
@@ -427,58 +403,62 @@ def refusals(comm: MPI.Comm) -> dict:
     if comm.rank == comm.size - 1:
         body.x[0] = 99.0
     try:
-        Simulation(grid, body, Newmark(1e-4), [])
+        mpm.Simulation(grid, body, mpm.Newmark(1e-4), [])
         heard = 0
     except ValueError as error:
         heard = int("outside the grid" in str(error))
     out["outside"] = {"": [comm.allreduce(heard) / comm.size]}
     try:
-        body = MaterialPoints.fill(grid, SOIL, 4, lambda x: x[0] > 0.3)
-        FiniteElements(grid, body, Newmark(1e-4), [])
+        body = mpm.MaterialPoints.fill(grid, SOIL, 4, lambda x: x[0] > 0.3)
+        mpm.FiniteElements(grid, body, mpm.Newmark(1e-4), [])
         heard = 0
     except ValueError as error:
         heard = int("holds no material points" in str(error))
     out["empty"] = {"": [comm.allreduce(heard) / comm.size]}
     body, _ = body_of(grid)
-    run = Simulation(grid, body, Newmark(1e-4), [])
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-4), [])
     run.step()
     if comm.rank == 0:
         body.x[0] = np.nan
     try:
         run.step()
         heard = 0
-    except RunError as error:
+    except mpm.RunError as error:
         heard = int("step 2" in str(error))
     out["lost"] = {"": [comm.allreduce(heard) / comm.size]}
     body, _ = body_of(grid)
-    run = Simulation(grid, body, Newmark(1e-4), [])
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-4), [])
     if comm.rank == comm.size - 1:
         body.half[:] = np.nan
         body.stretches = lambda *_: (_ for _ in ()).throw(ValueError("turns inside out"))
     try:
         run.carry()
         heard = 0
-    except RunError as error:
+    except mpm.RunError as error:
         heard = int("inside out" in str(error))
     out["inverted"] = {"": [comm.allreduce(heard) / comm.size]}
     x = np.array([[0.5, 0.5], [1.2, 0.5], [0.5, 1.7]])
     heard = 0
     try:
-        Simulation(
+        mpm.Simulation(
             grid,
             body_of(grid)[0],
-            Newmark(1e-4),
-            [Traction(SurfacePoints(x, np.tile((0.0, 1.0), (3, 1)), np.ones(3)), (0.0, 1.0))],
+            mpm.Newmark(1e-4),
+            [
+                mpm.Traction(
+                    mpm.SurfacePoints(x, np.tile((0.0, 1.0), (3, 1)), np.ones(3)), (0.0, 1.0)
+                )
+            ],
         )
     except ValueError as error:
         heard = int("surface point 2" in str(error))
     out["surface outside"] = {"": [comm.allreduce(heard) / comm.size]}
-    body = MaterialPoints.fill(grid, CLAY, 4)
+    body = mpm.MaterialPoints.fill(grid, CLAY, 4)
     if comm.rank == comm.size - 1:
         body.parameters["size"][:] = 1e6
     heard = 0
     try:
-        Simulation(grid, body, Newmark(1e-4), [])
+        mpm.Simulation(grid, body, mpm.Newmark(1e-4), [])
     except ValueError as error:
         heard = int("size must stay below" in str(error))
     out["size"] = {"": [comm.allreduce(heard) / comm.size]}
@@ -488,19 +468,19 @@ def refusals(comm: MPI.Comm) -> dict:
 def options(comm: MPI.Comm) -> dict:
     """Solvers of blocks and factors of other packages get their options."""
     grid, found = grid_of(2), {}
-    run = Simulation(grid, body_of(grid)[0], Newmark(1e-4), [])
+    run = mpm.Simulation(grid, body_of(grid)[0], mpm.Newmark(1e-4), [])
     run.step()
     pc = run.equilibrium.ksp.getPC()
     inner = pc.getASMSubKSP()[0].getPC().getType() if comm.size > 1 else pc.getType()
     found["blocks"] = {"": [float(inner == "icc")]}
     if comm.size == 1:
         return {**found, "factor": {"": [1.0]}}
-    run = FiniteElements(
+    run = mpm.FiniteElements(
         grid,
         SOIL,
-        QuasiStatic(1),
-        [Fixed(grid.facets("bottom"))],
-        solver=Solver(petsc={"mat_mumps_icntl_14": 77}),
+        mpm.QuasiStatic(1),
+        [mpm.Fixed(grid.facets("bottom"))],
+        solver=mpm.Solver(petsc={"mat_mumps_icntl_14": 77}),
     )
     run.step()
     factor = run.equilibrium.ksp.getPC().getFactorMatrix()
@@ -511,17 +491,17 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
     """All of it, on rank 0; cases by name, each a dict of quantity -> key -> numbers."""
     cases = {"refusals": refusals(comm), "options": options(comm)}
     folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
-    dynamic, static, long = Newmark(1e-3), QuasiStatic(2), (7, 1)
+    dynamic, static, long = mpm.Newmark(1e-3), mpm.QuasiStatic(2), (7, 1)
     for name, case in {
-        "Hencky, empty": (long, FINITE, dynamic, DM_GC, 1.9),
-        "Hencky at points, empty": (long, FINITE, dynamic, GIMP, 1.9),
-        "Hencky in statics, empty": (long, FINITE, static, DM_GC, 1.9),
-        "von Mises, empty": (long, CLAY, dynamic, DM_GC, 1.9),
-        "von Mises at points, empty": (long, CLAY, dynamic, GIMP, 1.9),
-        "one cell": ((1, 1), FINITE, dynamic, DM_GC, 0.6),
-        "two cells": ((2, 1), SOIL, dynamic, DM_GC, 1.4),
-        "two cells in statics": ((2, 1), FINITE, static, DM_GC, 1.4),
-        "one cell in 3D": ((1, 1, 1), SOIL, dynamic, DM_GCL, 0.6),
+        "Hencky, empty": (long, FINITE, dynamic, mpm.DM_GC, 1.9),
+        "Hencky at points, empty": (long, FINITE, dynamic, mpm.GIMP, 1.9),
+        "Hencky in statics, empty": (long, FINITE, static, mpm.DM_GC, 1.9),
+        "von Mises, empty": (long, CLAY, dynamic, mpm.DM_GC, 1.9),
+        "von Mises at points, empty": (long, CLAY, dynamic, mpm.GIMP, 1.9),
+        "one cell": ((1, 1), FINITE, dynamic, mpm.DM_GC, 0.6),
+        "two cells": ((2, 1), SOIL, dynamic, mpm.DM_GC, 1.4),
+        "two cells in statics": ((2, 1), FINITE, static, mpm.DM_GC, 1.4),
+        "one cell in 3D": ((1, 1, 1), SOIL, dynamic, mpm.DM_GCL, 0.6),
     }.items():
         cases[name] = lacking(*case, folder)
     for name, material in (
@@ -530,22 +510,22 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
         ("one cell, von Mises", CLAY),
     ):
         cases[f"twin, {name}"] = twin(
-            2, dynamic, grid=Grid.box((0, 0), (1, 1), (1, 1)), material=material
+            2, dynamic, grid=mpm.Grid.box((0, 0), (1, 1), (1, 1)), material=material
         )
     for dim in (2, 3):
-        for mapping in (MPM, GIMP, DM_GC):
+        for mapping in (mpm.MPM, mpm.GIMP, mpm.DM_GC):
             cases[f"still {dim}D {mapping}"] = still(dim, mapping)
             cases[f"moving {dim}D {mapping}"] = moving(dim, mapping)
-        cases[f"two bodies {dim}D DM-GCL"] = of_two_bodies(dim, DM_GCL)
+        cases[f"two bodies {dim}D DM-GCL"] = of_two_bodies(dim, mpm.DM_GCL)
         cases[f"jitter {dim}D"] = jittered(dim)
         cases[f"surfaces by hand {dim}D"] = surfaces_by_hand(dim)
-        cases[f"moving {dim}D B-bar"] = moving(dim, replace(DM_GC, b_bar=True))
-        cases[f"moving {dim}D GhostPenalty"] = moving(dim, DM_GC, more=(GhostPenalty(),))
-        cases[f"settled {dim}D"] = settled(dim, DM_GC)
-        cases[f"static twin {dim}D B-bar"] = twin(dim, QuasiStatic(3), b_bar=True)
+        cases[f"moving {dim}D B-bar"] = moving(dim, replace(mpm.DM_GC, b_bar=True))
+        cases[f"moving {dim}D GhostPenalty"] = moving(dim, mpm.DM_GC, more=(mpm.GhostPenalty(),))
+        cases[f"settled {dim}D"] = settled(dim, mpm.DM_GC)
+        cases[f"static twin {dim}D B-bar"] = twin(dim, mpm.QuasiStatic(3), b_bar=True)
         cases[f"layers {dim}D"] = layers(dim, finite=dim == 2)
-        cases[f"twin {dim}D"] = twin(dim, Newmark(1e-3))
-        cases[f"static twin {dim}D"] = twin(dim, QuasiStatic(3))
+        cases[f"twin {dim}D"] = twin(dim, mpm.Newmark(1e-3))
+        cases[f"static twin {dim}D"] = twin(dim, mpm.QuasiStatic(3))
     whole: dict = {}
     for part in comm.gather(cases) or []:
         for case, quantities in part.items():

@@ -11,22 +11,12 @@ from mpi4py import MPI
 import plastic
 import ranks
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    Hencky,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Simulation,
-    Solver,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 
-SOIL = Hencky(young=20e6, poisson=0.3, density=1500.0)
-LAW = VonMises(SOIL, peak=300e3, residual=100e3, softening=800e3)
+SOIL = mpm.Hencky(young=20e6, poisson=0.3, density=1500.0)
+LAW = mpm.VonMises(SOIL, peak=300e3, residual=100e3, softening=800e3)
 
-SEVERAL = ((None, 2), (GIMP, 2), (DM_GC, 2), (DM_GC, 3))
+SEVERAL = ((None, 2), (mpm.GIMP, 2), (mpm.DM_GC, 2), (mpm.DM_GC, 3))
 
 
 def two_steps(kind, dim) -> dict:
@@ -35,13 +25,15 @@ def two_steps(kind, dim) -> dict:
     grid = ranks.grid_of(dim)
     terms = [*plastic.loads(grid, 30.0)]
     if kind is None:
-        solver = Solver(newton=Newton(tolerance=1e-10))
-        run = plastic.run_of(None, grid, Newmark(5e-3), terms, law=LAW, solver=solver)
+        solver = mpm.Solver(newton=mpm.Newton(tolerance=1e-10))
+        run = plastic.run_of(None, grid, mpm.Newmark(5e-3), terms, law=LAW, solver=solver)
     else:
         elastic, number = ranks.body_of(grid)
-        body = MaterialPoints(LAW, elastic.x, elastic.half, elastic.volume, stress=elastic.stress)
-        solver = Solver(newton=Newton(tolerance=1e-10), petsc={"ksp_rtol": 1e-13})
-        run = Simulation(grid, body, Newmark(5e-3), terms, kind, solver)
+        body = mpm.MaterialPoints(
+            LAW, elastic.x, elastic.half, elastic.volume, stress=elastic.stress
+        )
+        solver = mpm.Solver(newton=mpm.Newton(tolerance=1e-10), petsc={"ksp_rtol": 1e-13})
+        run = mpm.Simulation(grid, body, mpm.Newmark(5e-3), terms, kind, solver)
     for _ in range(2):
         run.step()
     out = {"increment": ranks.nodal(grid, run.motion.nodal(run.motion.u))}

@@ -10,56 +10,35 @@ import numpy as np
 import pytest
 from dense import SOFT, SOIL
 
-from mpm_fenicsx import (
-    DM,
-    DM_C,
-    DM_G,
-    DM_GC,
-    GIMP,
-    MPM,
-    AccelerationCorrection,
-    Energy,
-    Fixed,
-    GeneralizedAlpha,
-    Grid,
-    Hencky,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-    Solver,
-    ViscousBoundary,
-    VonMises,
-    flip,
-    trapezoidal,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "studies"))
 import amplification_map
 
-OFF, LUMPED, IMPLICIT = (AccelerationCorrection[name] for name in ("OFF", "LUMPED", "IMPLICIT"))
+OFF, LUMPED, IMPLICIT = (mpm.AccelerationCorrection[name] for name in ("OFF", "LUMPED", "IMPLICIT"))
 CORRECTED = pytest.mark.parametrize("correction", [LUMPED, IMPLICIT], ids=lambda kind: kind.value)
 DIMS = pytest.mark.parametrize("dim", [2, 3], ids=["2D", "3D"])
-FACTOR = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
-RUBBER = Hencky(SOIL.young, SOIL.poisson, SOIL.density)
+FACTOR = mpm.Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
+RUBBER = mpm.Hencky(SOIL.young, SOIL.poisson, SOIL.density)
 
 
-def free(dim, mapping, stepping=None, correction=OFF, law=SOIL, transfer=trapezoidal):
+def free(dim, mapping, stepping=None, correction=OFF, law=SOIL, transfer=mpm.trapezoidal):
     """A body of random stress and motion on a grid with room; steps of 1 ms unless told."""
-    grid, stepping = dense.uneven(dim), stepping or Newmark(1e-3)
+    grid, stepping = dense.uneven(dim), stepping or mpm.Newmark(1e-3)
     body = dense.random_body(grid, np.random.default_rng(1), lambda x: x[0] < 0.8, law)
     mapping = replace(
         mapping, sweeps=1, transfer=transfer, correction=correction, hold_cut_cells=False
     )
-    return Simulation(grid, body, stepping, [], mapping, FACTOR)
+    return mpm.Simulation(grid, body, stepping, [], mapping, FACTOR)
 
 
 @DIMS
-@pytest.mark.parametrize("mapping", [GIMP, DM, DM_G, DM_C, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM, mpm.DM_G, mpm.DM_C, mpm.DM_GC], ids=str)
 @pytest.mark.parametrize(
-    "stepping", [Newmark(1e-3), GeneralizedAlpha(1e-3, 0.7)], ids=["Newmark", "generalised α"]
+    "stepping",
+    [mpm.Newmark(1e-3), mpm.GeneralizedAlpha(1e-3, 0.7)],
+    ids=["Newmark", "generalised α"],
 )
 def test_the_correction_is_what_the_force_lacks_over_the_lumped_mass(dim, mapping, stepping):
     """Of two runs of a step from the same points: M̄ δa = -(ΔF - K u), by hand, and points take it
@@ -86,9 +65,11 @@ def test_the_correction_is_what_the_force_lacks_over_the_lumped_mass(dim, mappin
 
 @DIMS
 @pytest.mark.parametrize("law", [SOIL, RUBBER], ids=["small strain", "Hencky"])
-@pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_G, mpm.DM_GC], ids=str)
 @pytest.mark.parametrize(
-    "stepping", [Newmark(1e-3), GeneralizedAlpha(1e-3, 0.7)], ids=["Newmark", "generalised α"]
+    "stepping",
+    [mpm.Newmark(1e-3), mpm.GeneralizedAlpha(1e-3, 0.7)],
+    ids=["Newmark", "generalised α"],
 )
 def test_the_implicit_correction_solves_with_the_matrix_of_the_step(dim, mapping, law, stepping):
     """A δa = -(ΔF - K u) / (β Δt²) with the matrix A of the step, both by hand; at finite strain ΔF
@@ -103,7 +84,7 @@ def test_the_implicit_correction_solves_with_the_matrix_of_the_step(dim, mapping
     if law is RUBBER:
         f = (
             np.eye(dim) + plain._recover(0, plain.motion.nodal(plain.motion.u))
-            if mapping is not DM_GC
+            if mapping is not mpm.DM_GC
             else None
         )
         f = np.eye(dim) + _gradient(plain, before) if f is None else f
@@ -138,8 +119,8 @@ def _gradient(run, before):
 
 @DIMS
 @CORRECTED
-@pytest.mark.parametrize("transfer", [trapezoidal, flip])
-@pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
+@pytest.mark.parametrize("transfer", [mpm.trapezoidal, mpm.flip])
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_G, mpm.DM_GC], ids=str)
 def test_momentum_of_a_free_body_stays(dim, mapping, transfer, correction):
     """Neither force has a sum: Σ m Δv = ½ Δt Σ m a, a those at the start; FLIP: Σ m Δv = ½ Δt (Σ m
     a) as well."""
@@ -158,8 +139,8 @@ def test_momentum_of_a_free_body_stays(dim, mapping, transfer, correction):
 @CORRECTED
 def test_where_the_matrix_is_the_derivative_there_is_nothing_to_correct(correction):
     """Plain MPM's is, and so none is chosen for it."""
-    plain, balanced = free(2, MPM), free(2, MPM, correction=correction)
-    assert free(2, MPM, correction=None).correction is None
+    plain, balanced = free(2, mpm.MPM), free(2, mpm.MPM, correction=correction)
+    assert free(2, mpm.MPM, correction=None).correction is None
     for run in (plain, balanced):
         run.step()
     for name in ("velocity", "acceleration", "stress"):
@@ -172,15 +153,20 @@ def test_where_the_matrix_is_the_derivative_there_is_nothing_to_correct(correcti
 def standing(poisson, courant, correction):
     """Part of its energy that a standing shear wave of 20 cells a length loses in some steps, with
     DM-GC."""
-    soil, n = LinearElastic(20e6, poisson, 1500.0), 10
-    grid = Grid.box((0, 0), (1, 1), (n, n))
-    walls = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
-    body = MaterialPoints.fill(grid, soil, 4)
-    stepping = Newmark(courant / n / soil.s_speed)
-    run = Simulation(grid, body, stepping, walls, replace(DM_GC, sweeps=1, correction=correction))
+    soil, n = mpm.LinearElastic(20e6, poisson, 1500.0), 10
+    grid = mpm.Grid.box((0, 0), (1, 1), (n, n))
+    walls = [
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom", "top"), "y"),
+    ]
+    body = mpm.MaterialPoints.fill(grid, soil, 4)
+    stepping = mpm.Newmark(courant / n / soil.s_speed)
+    run = mpm.Simulation(
+        grid, body, stepping, walls, replace(mpm.DM_GC, sweeps=1, correction=correction)
+    )
     c, s = (f(np.pi * body.x.T) for f in (np.cos, np.sin))
     body.velocity[:] = 1e-6 * soil.s_speed * np.stack((s[0] * c[1], -c[0] * s[1]), axis=1)
-    energy = run.record(Energy())
+    energy = run.record(mpm.Energy())
     run.until(100 * run.stepping.dt)
     return 1.0 - energy.left[-1] / energy.left[0]
 
@@ -202,7 +188,9 @@ def test_a_shear_wave_keeps_the_energy_that_locking_of_the_matrix_took(
 
 @CORRECTED
 @pytest.mark.parametrize(
-    "mapping, courant", [(DM_GC, 0.5), (DM_GC, 2.0), (DM_G, 0.5), (DM_G, 5.0)], ids=str
+    "mapping, courant",
+    [(mpm.DM_GC, 0.5), (mpm.DM_GC, 2.0), (mpm.DM_G, 0.5), (mpm.DM_G, 5.0)],
+    ids=str,
 )
 def test_no_mode_of_a_free_bar_grows(mapping, courant, correction):
     """Neither on nor off the grid lines; those of DM-GC did, by up to 7e-5 a step, and do by up to
@@ -215,39 +203,42 @@ def test_no_mode_of_a_free_bar_grows(mapping, courant, correction):
             np.abs(np.linalg.eigvals(amplification_map.StepMap(run).matrix)).max() for run in runs
         )
 
-    grows = (mapping, courant) == (DM_GC, 0.5)
+    grows = (mapping, courant) == (mpm.DM_GC, 0.5)
     assert fastest(correction) < 1.0 + ((1e-5 if correction is LUMPED else 5e-5) if grows else 1e-6)
-    if mapping is DM_GC:
+    if mapping is mpm.DM_GC:
         assert fastest(OFF) > 1.0 + 2e-5
 
 
 @CORRECTED
 def test_soil_that_does_not_yield_is_elastic_and_soil_that_does_is_corrected_too(correction):
     def pulled(law):
-        grid = Grid.box((0, 0), (4, 4), (4, 4))
-        body = MaterialPoints.fill(grid, law, 4, inside=lambda x: (x[0] > 1) & (x[1] > 1))
+        grid = mpm.Grid.box((0, 0), (4, 4), (4, 4))
+        body = mpm.MaterialPoints.fill(grid, law, 4, inside=lambda x: (x[0] > 1) & (x[1] > 1))
         body.velocity = 0.2 * np.stack((body.x[:, 0] - 2.5, 2.5 - body.x[:, 1]), axis=1)
-        dashpots = ViscousBoundary(body.surface("left"), SOFT)
-        mapping = replace(DM_GC, correction=correction)
-        run = Simulation(grid, body, Newmark(5e-3), dashpots, mapping)
+        dashpots = mpm.ViscousBoundary(body.surface("left"), SOFT)
+        mapping = replace(mpm.DM_GC, correction=correction)
+        run = mpm.Simulation(grid, body, mpm.Newmark(5e-3), dashpots, mapping)
         run.until(0.05)
         return body
 
-    strong, elastic = pulled(VonMises(SOFT, peak=1e9, residual=1e9, softening=0.0)), pulled(SOFT)
+    strong, elastic = (
+        pulled(mpm.VonMises(SOFT, peak=1e9, residual=1e9, softening=0.0)),
+        pulled(SOFT),
+    )
     np.testing.assert_allclose(
         strong.stress, elastic.stress, rtol=0, atol=1e-9 * np.abs(elastic.stress).max()
     )
-    weak = pulled(VonMises(SOFT, peak=1e4, residual=5e3, softening=1e4))
+    weak = pulled(mpm.VonMises(SOFT, peak=1e4, residual=5e3, softening=1e4))
     assert weak.history.max() > 0.0
     assert np.isfinite(weak.velocity).all()
 
 
 def test_a_run_without_it_does_not_pay_for_it_and_what_cannot_have_it_is_refused():
-    assert free(2, DM_GC).correction is None
+    assert free(2, mpm.DM_GC).correction is None
     short, long = (
-        free(2, DM_GC, Newmark(dt), correction=None).correction_kind for dt in (1e-5, 1.0)
+        free(2, mpm.DM_GC, mpm.Newmark(dt), correction=None).correction_kind for dt in (1e-5, 1.0)
     )
     assert short is LUMPED and long is IMPLICIT
-    assert free(2, DM_GC, QuasiStatic(2), correction=None).correction is None
+    assert free(2, mpm.DM_GC, mpm.QuasiStatic(2), correction=None).correction is None
     with pytest.raises(ValueError, match="correction is of accelerations"):
-        free(2, DM_GC, QuasiStatic(2), correction=LUMPED)
+        free(2, mpm.DM_GC, mpm.QuasiStatic(2), correction=LUMPED)

@@ -17,46 +17,23 @@ import numpy as np
 import pytest
 from test_ranks import environment, mpiexec
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    MPM,
-    Checkpoint,
-    Energy,
-    FiniteElements,
-    Fixed,
-    GeneralizedAlpha,
-    Gravity,
-    Grid,
-    Hencky,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Probe,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    Snapshots,
-    Solver,
-    Traction,
-    ViscoelasticBoundary,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.runs.identity import described
 
 STEPS = 6
 SOFT = dense.SOFT
-CLAY = VonMises(SOFT, peak=3e3, residual=1e3, softening=30e3)
-STRETCHED = VonMises(Hencky(3e6, 0.3, 1800.0), peak=3e3, residual=1e3, softening=30e3, length=0.5)
+CLAY = mpm.VonMises(SOFT, peak=3e3, residual=1e3, softening=30e3)
+STRETCHED = mpm.VonMises(
+    mpm.Hencky(3e6, 0.3, 1800.0), peak=3e3, residual=1e3, softening=30e3, length=0.5
+)
 
 
 def place(dim=2, room=1):
     """A grid of half metre cells, and how to fill a unit block of it with jittered points, ``room``
     cells around."""
     low, high = np.array((-0.5, -0.5, 0.0)[:dim]) * room, (2.0, 1.5, 1.0)[:dim]
-    grid = Grid.box(low, high, (4 + room, 3 + room, 2)[:dim])
-    return grid, lambda law: MaterialPoints.fill(
+    grid = mpm.Grid.box(low, high, (4 + room, 3 + room, 2)[:dim])
+    return grid, lambda law: mpm.MaterialPoints.fill(
         grid, law, 2**dim, lambda x: (abs(x[:2] - 0.5) < 0.5).all(axis=0), jitter=0.3
     )
 
@@ -68,39 +45,39 @@ def push(t, x):
     return value
 
 
-def points(law, mapping=DM_GC, dim=2, stepping=None, solver=None):
+def points(law, mapping=mpm.DM_GC, dim=2, stepping=None, solver=None):
     """A body that drifts across cells on springs and dashpots that move with it, pushed from
     above."""
     grid, fill = place(dim)
     body = fill(law)
     body.velocity = np.tile((6.0, -0.3, 0.0)[:dim], (len(body), 1))
     terms = [
-        Gravity((0.0,) * (dim - 1) + (-9.81,)),
-        Traction(body.surface("top"), push),
-        ViscoelasticBoundary(body.surface("bottom"), SOFT, 3.0),
-        Traction(body.surface("left"), (1e3,) * dim),
+        mpm.Gravity((0.0,) * (dim - 1) + (-9.81,)),
+        mpm.Traction(body.surface("top"), push),
+        mpm.ViscoelasticBoundary(body.surface("bottom"), SOFT, 3.0),
+        mpm.Traction(body.surface("left"), (1e3,) * dim),
     ]
-    return Simulation(grid, body, stepping or Newmark(5e-3), terms, mapping, solver)
+    return mpm.Simulation(grid, body, stepping or mpm.Newmark(5e-3), terms, mapping, solver)
 
 
 def confined(law, mapping, stepping):
     """A body between smooth walls, pushed from above."""
-    grid = Grid.box((0.0, 0.0), (1.0, 1.5), (2, 3))
-    body = MaterialPoints.fill(grid, law, 4, lambda x: x[1] < 1.0, jitter=0.3)
+    grid = mpm.Grid.box((0.0, 0.0), (1.0, 1.5), (2, 3))
+    body = mpm.MaterialPoints.fill(grid, law, 4, lambda x: x[1] < 1.0, jitter=0.3)
     terms = [
-        Fixed(grid.facets("left", "right"), "x"),
-        Fixed(grid.facets("bottom")),
-        Gravity((0.0, -9.81)),
-        Traction(body.surface("top"), push),
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Gravity((0.0, -9.81)),
+        mpm.Traction(body.surface("top"), push),
     ]
-    return Simulation(grid, body, stepping, terms, mapping)
+    return mpm.Simulation(grid, body, stepping, terms, mapping)
 
 
 def two_bodies():
     """A stiff body that yields beside a soft one that does not."""
     grid, _ = place(room=0)
     left, right = (
-        MaterialPoints.fill(
+        mpm.MaterialPoints.fill(
             grid,
             law,
             4,
@@ -109,36 +86,36 @@ def two_bodies():
         )
         for law, low in ((CLAY, 0.0), (SOFT, 0.5))
     )
-    return Simulation(
+    return mpm.Simulation(
         grid,
         [left, right],
-        Newmark(5e-3),
+        mpm.Newmark(5e-3),
         [
-            Fixed(grid.facets("bottom")),
-            Traction(right.surface("top"), push),
-            Traction(left.surface("top"), push),
+            mpm.Fixed(grid.facets("bottom")),
+            mpm.Traction(right.surface("top"), push),
+            mpm.Traction(left.surface("top"), push),
         ],
-        GIMP,
+        mpm.GIMP,
     )
 
 
 def elements(law, stepping=None, **keywords):
     """Finite elements on springs and dashpots, pushed from above."""
-    grid, stepping = place(room=0)[0], stepping or Newmark(5e-3)
+    grid, stepping = place(room=0)[0], stepping or mpm.Newmark(5e-3)
     base = (
-        [ViscoelasticBoundary(grid.facets("bottom"), SOFT, 3.0)]
+        [mpm.ViscoelasticBoundary(grid.facets("bottom"), SOFT, 3.0)]
         if stepping.dynamic
-        else [Fixed(grid.facets("bottom"))]
+        else [mpm.Fixed(grid.facets("bottom"))]
     )
-    return FiniteElements(
+    return mpm.FiniteElements(
         grid,
         law,
         stepping,
         [
             *base,
-            Gravity((0.0, -9.81)),
-            Traction(grid.facets("top"), push),
-            Fixed(grid.facets("left"), "x"),
+            mpm.Gravity((0.0, -9.81)),
+            mpm.Traction(grid.facets("top"), push),
+            mpm.Fixed(grid.facets("left"), "x"),
         ],
         **keywords,
     )
@@ -147,27 +124,27 @@ def elements(law, stepping=None, **keywords):
 SCENES = {
     "elastic": lambda: points(SOFT),
     "elastic 3D": lambda: points(SOFT, dim=3),
-    "elastic MPM": lambda: confined(SOFT, MPM, Newmark(5e-3)),
-    "static": lambda: confined(SOFT, DM_GC, QuasiStatic(500)),
-    "B-bar": lambda: points(CLAY, replace(DM_GC, b_bar=True)),
+    "elastic MPM": lambda: confined(SOFT, mpm.MPM, mpm.Newmark(5e-3)),
+    "static": lambda: confined(SOFT, mpm.DM_GC, mpm.QuasiStatic(500)),
+    "B-bar": lambda: points(CLAY, replace(mpm.DM_GC, b_bar=True)),
     "von Mises": lambda: points(CLAY),
-    "von Mises GIMP": lambda: points(CLAY, GIMP),
+    "von Mises GIMP": lambda: points(CLAY, mpm.GIMP),
     "von Mises, steps cut": lambda: points(
-        CLAY, solver=Solver(newton=Newton(tolerance=3e-4, iterations=2, halvings=0))
+        CLAY, solver=mpm.Solver(newton=mpm.Newton(tolerance=3e-4, iterations=2, halvings=0))
     ),
-    "Hencky": lambda: points(Hencky(3e6, 0.3, 1800.0)),
+    "Hencky": lambda: points(mpm.Hencky(3e6, 0.3, 1800.0)),
     "finite von Mises": lambda: points(STRETCHED),
-    "finite von Mises MPM": lambda: confined(STRETCHED, MPM, Newmark(1e-2)),
+    "finite von Mises MPM": lambda: confined(STRETCHED, mpm.MPM, mpm.Newmark(1e-2)),
     "generalised α": lambda: points(
-        STRETCHED, stepping=GeneralizedAlpha(5e-3, spectral_radius=0.5)
+        STRETCHED, stepping=mpm.GeneralizedAlpha(5e-3, spectral_radius=0.5)
     ),
     "two bodies": two_bodies,
     "FE": lambda: elements(SOFT),
     "FE von Mises": lambda: elements(CLAY),
-    "FE von Mises static": lambda: elements(CLAY, QuasiStatic(500)),
+    "FE von Mises static": lambda: elements(CLAY, mpm.QuasiStatic(500)),
     "FE Hencky": lambda: elements(STRETCHED),
     "FE generalised α": lambda: elements(
-        STRETCHED, GeneralizedAlpha(5e-3, spectral_radius=0.5, start=0.5)
+        STRETCHED, mpm.GeneralizedAlpha(5e-3, spectral_radius=0.5, start=0.5)
     ),
 }
 
@@ -176,14 +153,14 @@ def recorded(run):
     """The run with recorders of every kind; dynamics have a velocity."""
     dim = run.grid.dim
     for field in ("displacement", "stress", *(["velocity"] if run.stepping.dynamic else [])):
-        run.record(Probe(field, (0.4, 0.6, 0.3)[:dim]))
-    run.record(Energy())
+        run.record(mpm.Probe(field, (0.4, 0.6, 0.3)[:dim]))
+    run.record(mpm.Energy())
     return run
 
 
 def everything(run, path):
     """All arrays of the run and its recorders, as a checkpoint has them."""
-    Checkpoint(path)(run)
+    mpm.Checkpoint(path)(run)
     with np.load(path) as file:
         return dict(file)
 
@@ -202,7 +179,7 @@ def half(tmp_path_factory):
     folder, ends, halfway = tmp_path_factory.mktemp("checkpoints"), {}, {}
     for name, scene in SCENES.items():
         run = recorded(scene())
-        keep = run.record(Checkpoint(folder / f"{name}.npz", every=STEPS))
+        keep = run.record(mpm.Checkpoint(folder / f"{name}.npz", every=STEPS))
         assert not keep.path.exists()
         for _ in range(STEPS):
             run.step()
@@ -305,8 +282,8 @@ def test_without_a_part_of_the_state_the_end_is_another(half, tmp_path):
 def test_a_checkpoint_looks_last_and_in_its_turn(tmp_path):
     """Attached first, it still has what the others recorded in its step."""
     run = points(SOFT)
-    keep = run.record(Checkpoint(tmp_path / "new" / "folder" / "state.npz", every=2))
-    probe = run.record(Probe("velocity", (0.4, 0.6)))
+    keep = run.record(mpm.Checkpoint(tmp_path / "new" / "folder" / "state.npz", every=2))
+    probe = run.record(mpm.Probe("velocity", (0.4, 0.6)))
     for _ in range(3):
         run.step()
     with np.load(keep.path) as file:
@@ -319,12 +296,12 @@ def test_a_checkpoint_looks_last_and_in_its_turn(tmp_path):
 
 def test_snapshots_list_what_was_written_before(tmp_path):
     run = points(SOFT)
-    run.record(Snapshots(tmp_path / "block"))
-    run.record(Checkpoint(tmp_path / "state.npz", every=2))
+    run.record(mpm.Snapshots(tmp_path / "block"))
+    run.record(mpm.Checkpoint(tmp_path / "state.npz", every=2))
     for _ in range(3):
         run.step()
     again = points(SOFT)
-    again.record(Snapshots(tmp_path / "block"))
+    again.record(mpm.Snapshots(tmp_path / "block"))
     again.restart(tmp_path / "state.npz")
     again.step()
     listed = re.findall(r'file="(.*?)"', (tmp_path / "block_points.pvd").read_text())
@@ -335,8 +312,8 @@ def test_snapshots_list_what_was_written_before(tmp_path):
 
 
 def coarse():
-    grid = Grid.box((0.0, 0.0), (2.0, 1.5), (2, 3))
-    return Simulation(grid, MaterialPoints.fill(grid, SOFT, 4), Newmark(5e-3), [])
+    grid = mpm.Grid.box((0.0, 0.0), (2.0, 1.5), (2, 3))
+    return mpm.Simulation(grid, mpm.MaterialPoints.fill(grid, SOFT, 4), mpm.Newmark(5e-3), [])
 
 
 def other(**changed):
@@ -346,23 +323,23 @@ def other(**changed):
     body = (
         fill(law)
         if "inside" not in changed
-        else MaterialPoints.fill(grid, law, 4, changed["inside"])
+        else mpm.MaterialPoints.fill(grid, law, 4, changed["inside"])
     )
     on = body.surface("top") if "side" not in changed else body.surface(*changed["side"])
     terms = [
-        Gravity(changed.get("g", (0.0, -9.81))),
-        Traction(on, changed.get("push", push)),
-        ViscoelasticBoundary(
+        mpm.Gravity(changed.get("g", (0.0, -9.81))),
+        mpm.Traction(on, changed.get("push", push)),
+        mpm.ViscoelasticBoundary(
             body.surface("bottom"), changed.get("soil", SOFT), changed.get("radius", 3.0)
         ),
-        Traction(body.surface("left"), changed.get("value", (1e3, 1e3))),
+        mpm.Traction(body.surface("left"), changed.get("value", (1e3, 1e3))),
     ]
-    return Simulation(
+    return mpm.Simulation(
         grid,
         body,
-        changed.get("stepping", Newmark(5e-3)),
+        changed.get("stepping", mpm.Newmark(5e-3)),
         terms[: changed.get("terms", 4)],
-        changed.get("mapping", DM_GC),
+        changed.get("mapping", mpm.DM_GC),
     )
 
 
@@ -371,13 +348,13 @@ def other(**changed):
     [
         (coarse, "grid is 20 cells in 2D, 30 nodes.*here 6 cells in 2D, 12 nodes"),
         (lambda: elements(SOFT), "run is DM-GC in the checkpoint, and here FE"),
-        (lambda: other(mapping=GIMP), "run is DM-GC in the checkpoint, and here GIMP"),
+        (lambda: other(mapping=mpm.GIMP), "run is DM-GC in the checkpoint, and here GIMP"),
         (
-            lambda: other(stepping=Newmark(4e-3)),
+            lambda: other(stepping=mpm.Newmark(4e-3)),
             r"stepping is Newmark\(dt=0.005,.* here Newmark\(dt=0.004,",
         ),
         (
-            lambda: other(law=LinearElastic(4e6, 0.3, 1800.0)),
+            lambda: other(law=mpm.LinearElastic(4e6, 0.3, 1800.0)),
             "body 0 is 16 points of .*3000000.0.* here .*4000000.0",
         ),
         (lambda: other(inside=lambda x: x[1] < 1.0), "body 0 is 16 points .* here 60 points"),
@@ -403,7 +380,7 @@ def other(**changed):
             r"term 2, ViscoelasticBoundary is .*radius=3.0\) in .*radius=4.0\)",
         ),
         (
-            lambda: other(soil=LinearElastic(4e6, 0.3, 1800.0)),
+            lambda: other(soil=mpm.LinearElastic(4e6, 0.3, 1800.0)),
             r"term 2, ViscoelasticBoundary is .*young=3000000.0.*young=4000000",
         ),
         (
@@ -473,9 +450,9 @@ def test_words_of_a_scene_are_the_same_in_another_process():
 def test_a_grid_whose_nodes_lie_elsewhere_is_refused(tmp_path):
     runs = []
     for width in (1.0, 1.0 + 1e-15):
-        grid = Grid.box((0.0, 0.0), (width, 1.0), (2, 2))
-        runs.append(FiniteElements(grid, SOFT, Newmark(1e-3), []))
-    runs[0].record(Checkpoint(tmp_path / "state.npz"))
+        grid = mpm.Grid.box((0.0, 0.0), (width, 1.0), (2, 2))
+        runs.append(mpm.FiniteElements(grid, SOFT, mpm.Newmark(1e-3), []))
+    runs[0].record(mpm.Checkpoint(tmp_path / "state.npz"))
     runs[0].step()
     with pytest.raises(ValueError, match="grid is 4 cells in 2D, 9 nodes, places and order"):
         runs[1].restart(tmp_path / "state.npz")
@@ -485,11 +462,13 @@ def test_a_recorder_without_a_past_is_refused_and_one_that_is_gone_is_not_missed
     run = points(SOFT)
     run.restart(half[0] / "elastic.npz")
     assert run.steps == STEPS
-    for recorder in (Probe("stress", (0.5, 0.5)), Energy(), Energy()):
+    for recorder in (mpm.Probe("stress", (0.5, 0.5)), mpm.Energy(), mpm.Energy()):
         run = points(SOFT)
-        run.record(Energy())
+        run.record(mpm.Energy())
         run.record(recorder)
-        label = "Energy 2" if isinstance(recorder, Energy) else r"Probe of stress at \[0.5 0.5\]"
+        label = (
+            "Energy 2" if isinstance(recorder, mpm.Energy) else r"Probe of stress at \[0.5 0.5\]"
+        )
         with pytest.raises(
             ValueError,
             match=rf"recorder {label} is not in the checkpoint, which has \['Energy', 'Pro",
@@ -525,7 +504,7 @@ def test_a_file_that_is_no_checkpoint_is_refused(spoil, half, tmp_path):
 @pytest.mark.parametrize("every", (0, 1.5, "often"))
 def test_every_below_one_is_refused(every, tmp_path):
     with pytest.raises(ValueError, match=f"every .*{every}"):
-        Checkpoint(tmp_path / "state.npz", every=every)
+        mpm.Checkpoint(tmp_path / "state.npz", every=every)
 
 
 def test_a_path_that_cannot_be_written_is_refused_when_attached(tmp_path):
@@ -536,10 +515,10 @@ def test_a_path_that_cannot_be_written_is_refused_when_attached(tmp_path):
         with pytest.raises(
             OSError, match=rf"FE, step 0, t = 0: no checkpoint can be written: .*{path.name}"
         ) as caught:
-            run.record(Checkpoint(path))
-        assert isinstance(caught.value, RunError)
+            run.record(mpm.Checkpoint(path))
+        assert isinstance(caught.value, mpm.RunError)
     with pytest.raises(ValueError, match="path must end in a name"):
-        Checkpoint("results/")
+        mpm.Checkpoint("results/")
     assert not run.recorders and not list((tmp_path / "folder").iterdir())
 
 
@@ -553,7 +532,7 @@ def go_on(folder):
         run.restart(folder / f"{name}.npz")
         for _ in range(STEPS):
             run.step()
-        Checkpoint(folder / f"{name} end.npz")(run)
+        mpm.Checkpoint(folder / f"{name} end.npz")(run)
 
 
 BLOCKS = {"ksp_type": "cg", "pc_type": "asm", "pc_asm_type": "basic", "sub_pc_type": "icc"}
@@ -565,11 +544,11 @@ def on_ranks(folder):
 
     def still():
         grid, fill = place(room=0)
-        return Simulation(
+        return mpm.Simulation(
             grid,
             fill(SOFT),
-            Newmark(1e-4),
-            [Fixed(grid.facets("bottom"), "y"), Gravity((0.0, -9.81))],
+            mpm.Newmark(1e-4),
+            [mpm.Fixed(grid.facets("bottom"), "y"), mpm.Gravity((0.0, -9.81))],
         )
 
     for name, scene in (
@@ -579,24 +558,24 @@ def on_ranks(folder):
             lambda: elements(
                 SOFT,
                 reassemble=True,
-                solver=Solver(petsc=BLOCKS),
+                solver=mpm.Solver(petsc=BLOCKS),
             ),
         ),
     ):
         run = recorded(scene())
-        keep = run.record(Checkpoint(folder / f"{name} ranks.npz", every=STEPS))
+        keep = run.record(mpm.Checkpoint(folder / f"{name} ranks.npz", every=STEPS))
         run.until(STEPS * run.stepping.dt)
         run.recorders.remove(keep)
         run.until(2 * STEPS * run.stepping.dt)
         end = (
             everything(run, folder / "one.npz")
             if run.grid.comm.rank == 0
-            else Checkpoint(folder / "one.npz")(run)
+            else mpm.Checkpoint(folder / "one.npz")(run)
         )
         again = recorded(scene())
         again.restart(folder / f"{name} ranks.npz")
         again.until(2 * STEPS * run.stepping.dt)
-        Checkpoint(folder / "two.npz")(again)
+        mpm.Checkpoint(folder / "two.npz")(again)
         if end:
             with np.load(folder / "two.npz") as file:
                 same(dict(file), end)

@@ -9,31 +9,12 @@ import pytest
 import ufl
 from ufl import inner
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    GIMP,
-    MAPPINGS,
-    MPM,
-    AccelerationCorrection,
-    Fixed,
-    Gravity,
-    Grid,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    Solver,
-    Traction,
-    ViscoelasticBoundary,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.grid import weak_forms
 
 DT = 2e-3
-DIRECT = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
+DIRECT = mpm.Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
 
 
 def close(a, b, tolerance=1e-12):
@@ -62,14 +43,14 @@ def scene(request):
             x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.5, 6)
         )
         terms = [
-            Gravity(tuple(gravity(dim))),
-            Traction(grid.facets("top"), tuple(1e4 * gravity(dim))),
-            ViscoelasticBoundary(on, dense.SOFT, 1.5),
-            ViscousBoundary(grid.facets("left"), dense.SOIL),
+            mpm.Gravity(tuple(gravity(dim))),
+            mpm.Traction(grid.facets("top"), tuple(1e4 * gravity(dim))),
+            mpm.ViscoelasticBoundary(on, dense.SOFT, 1.5),
+            mpm.ViscousBoundary(grid.facets("left"), dense.SOIL),
         ]
         body.velocity *= 0.1
         body.stress *= 0.1
-        run = Simulation(grid, body, Newmark(DT), terms, mapping, DIRECT)
+        run = mpm.Simulation(grid, body, mpm.Newmark(DT), terms, mapping, DIRECT)
         run.step()
         run.locate()
         run.project()
@@ -80,7 +61,7 @@ def scene(request):
     return make
 
 
-@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.MPM, mpm.GIMP, mpm.DM_GC], ids=str)
 def test_the_step_is_equation_12(scene, mapping):
     run, on = scene(mapping)
     grid, motion, body = run.grid, run.motion, run.bodies[0]
@@ -127,7 +108,7 @@ def test_the_step_is_equation_12(scene, mapping):
 
 
 def test_point_sums_by_hand_are_the_matrix_of_mpm(scene):
-    run, _ = scene(MPM)
+    run, _ = scene(mpm.MPM)
     grid, body, dim = run.grid, run.bodies[0], run.grid.dim
     V, (ρ, λ, μ) = grid.space, run.properties.fields
     u, w = ufl.TrialFunction(V), ufl.TestFunction(V)
@@ -150,7 +131,7 @@ def test_point_sums_by_hand_are_the_matrix_of_mpm(scene):
 
 
 def test_the_matrix_is_symmetric_and_positive(scene):
-    run, _ = scene(DM_GC)
+    run, _ = scene(mpm.DM_GC)
     run.equilibrium.assemble_tangent()
     A = dense.dense(run.equilibrium.part.matrix)
     close(A, A.T, 1e-14)
@@ -160,16 +141,18 @@ def test_the_matrix_is_symmetric_and_positive(scene):
 # -- nodes without material ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("stepping", [Newmark(1e-3), QuasiStatic(1)], ids=["dynamic", "static"])
-@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+@pytest.mark.parametrize(
+    "stepping", [mpm.Newmark(1e-3), mpm.QuasiStatic(1)], ids=["dynamic", "static"]
+)
+@pytest.mark.parametrize("mapping", mpm.MAPPINGS, ids=str)
 def test_nodes_without_material_stay_and_are_not_solved_for(mapping, stepping):
-    grid = Grid.box((0, 0), (6, 4), (6, 4))
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box((0, 0), (6, 4), (6, 4))
+    body = mpm.MaterialPoints.fill(
         grid, dense.SOIL, 4, jitter=0.3, inside=lambda x: (x[0] < 3) & (x[1] < 2)
     )
-    terms = [Fixed(grid.facets("bottom")), Gravity((1.0, -1.0))]
+    terms = [mpm.Fixed(grid.facets("bottom")), mpm.Gravity((1.0, -1.0))]
     mapping = replace(mapping, hold_cut_cells=False)
-    run = Simulation(grid, body, stepping, terms, mapping, DIRECT)
+    run = mpm.Simulation(grid, body, stepping, terms, mapping, DIRECT)
     run.step()
     x, u = grid.space.tabulate_dof_coordinates()[:, :2], run.motion.nodal(run.motion.u)
     weight = np.zeros(grid.nodes)
@@ -187,14 +170,14 @@ def test_nodes_without_material_stay_and_are_not_solved_for(mapping, stepping):
 
 
 @pytest.mark.parametrize("fill", [(1e-2, 1e-2), (1e-4, 1e-4), (1e-6, 0.0), (1e-8, 0.0)], ids=str)
-@pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+@pytest.mark.parametrize("mapping", mpm.MAPPINGS, ids=str)
 def test_a_node_with_hardly_any_mass_falls_like_the_rest(mapping, fill):
-    grid, g, dt = Grid.box((0, 0), (4, 4), (4, 4)), np.array([3.0, -9.81]), 1e-3
-    body = MaterialPoints.fill(grid, dense.SOIL, 4, inside=lambda x: (x[0] < 2) & (x[1] < 2))
+    grid, g, dt = mpm.Grid.box((0, 0), (4, 4), (4, 4)), np.array([3.0, -9.81]), 1e-3
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4, inside=lambda x: (x[0] < 2) & (x[1] < 2))
     body.x += (
         np.array(fill) if mapping.support else 0.25 + np.array(fill)
     )  # domains or points reach into next cells
-    run = Simulation(grid, body, Newmark(dt), [Gravity(tuple(g))], mapping, DIRECT)
+    run = mpm.Simulation(grid, body, mpm.Newmark(dt), [mpm.Gravity(tuple(g))], mapping, DIRECT)
     run.step()
     weight = np.zeros(grid.nodes)
     np.add.at(weight, run.stencils[0].nodes, run.stencils[0].values)
@@ -208,18 +191,18 @@ def test_a_node_with_hardly_any_mass_falls_like_the_rest(mapping, fill):
     )
 
 
-@pytest.mark.parametrize("mapping", [GIMP, DM_G, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_G, mpm.DM_GC], ids=str)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_scaled_matrix_stays_well_conditioned_wherever_the_body_is_cut(dim, mapping):
     """After division by its diagonal; random points seen without their support domains leave it
     singular in 3D."""
     for cut in (0.1, 1e-2, 1e-3, 1e-4):
-        grid = Grid.box((0,) * dim, (4,) * dim, (4,) * dim)
-        body = MaterialPoints.fill(
+        grid = mpm.Grid.box((0,) * dim, (4,) * dim, (4,) * dim)
+        body = mpm.MaterialPoints.fill(
             grid, dense.SOIL, 2**dim, jitter=0.4, inside=lambda x: (x < 2).all(axis=0)
         )
         body.x += cut
-        run = Simulation(grid, body, Newmark(0.02), [], mapping)
+        run = mpm.Simulation(grid, body, mpm.Newmark(0.02), [], mapping)
         run.locate()
         run.project()
         run.equilibrium.assemble_tangent()
@@ -236,21 +219,21 @@ def test_the_scaled_matrix_stays_well_conditioned_wherever_the_body_is_cut(dim, 
 def test_a_solver_that_stops_early_is_an_error():
     grid = dense.uneven(2)
     body = dense.random_body(grid, np.random.default_rng(0))
-    impatient = Solver(petsc={"ksp_max_it": 1, "ksp_rtol": 1e-14})
-    run = Simulation(grid, body, Newmark(1e-3), [], solver=impatient)
-    with pytest.raises(RunError, match=r"step 1, t = 0\.001.*reason -3 after 1 iterations"):
+    impatient = mpm.Solver(petsc={"ksp_max_it": 1, "ksp_rtol": 1e-14})
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], solver=impatient)
+    with pytest.raises(mpm.RunError, match=r"step 1, t = 0\.001.*reason -3 after 1 iterations"):
         run.step()
 
 
 def test_options_reach_their_own_solver_only():
     grid = dense.uneven(2)
     runs = [
-        Simulation(
+        mpm.Simulation(
             grid,
-            MaterialPoints.fill(grid, dense.SOIL, 4),
-            Newmark(1e-3),
+            mpm.MaterialPoints.fill(grid, dense.SOIL, 4),
+            mpm.Newmark(1e-3),
             [],
-            solver=Solver(petsc=options),
+            solver=mpm.Solver(petsc=options),
         )
         for options in ({"ksp_rtol": 1e-3}, None, {"ksp_type": "minres"})
     ]
@@ -258,17 +241,17 @@ def test_options_reach_their_own_solver_only():
     assert [run.equilibrium.ksp.getType() for run in runs] == ["cg", "cg", "minres"]
 
 
-@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.MPM, mpm.GIMP, mpm.DM_GC], ids=str)
 def test_solvers_agree(mapping):
     found = []
     for solver in (None, DIRECT):
         grid = dense.uneven(2)
-        body = MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.3)
-        run = Simulation(
+        body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4, jitter=0.3)
+        run = mpm.Simulation(
             grid,
             body,
-            Newmark(1e-3),
-            [Fixed(grid.facets("bottom")), Gravity((1.0, -9.81))],
+            mpm.Newmark(1e-3),
+            [mpm.Fixed(grid.facets("bottom")), mpm.Gravity((1.0, -9.81))],
             mapping,
             solver,
         )
@@ -282,12 +265,12 @@ def test_a_factor_comes_to_the_rescue_of_an_iteration_that_fails():
     found = []
     for most in (300, 1):
         body = dense.random_body(grid, np.random.default_rng(7))
-        run = Simulation(
+        run = mpm.Simulation(
             grid,
             body,
-            Newmark(DT),
-            [Gravity((1.0, -9.0)), Fixed(grid.facets("bottom"))],
-            replace(DM_GC, correction=AccelerationCorrection.OFF),
+            mpm.Newmark(DT),
+            [mpm.Gravity((1.0, -9.0)), mpm.Fixed(grid.facets("bottom"))],
+            replace(mpm.DM_GC, correction=mpm.AccelerationCorrection.OFF),
         )
         run.equilibrium.ksp.setTolerances(max_it=most)
         run.step()

@@ -8,21 +8,7 @@ import dense
 import numpy as np
 import pytest
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    MPM,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-    Traction,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos" / "extensions"))
@@ -30,7 +16,7 @@ from drucker_prager import DruckerPrager
 from rayleigh_damping import RayleighDamping, energy_left
 from winkler_boundary import WinklerBoundary, settled
 
-SOIL = LinearElastic(young=20e6, poisson=0.3, density=1800.0)
+SOIL = mpm.LinearElastic(young=20e6, poisson=0.3, density=1800.0)
 LAW = DruckerPrager(SOIL, friction=1.2, dilation=0.3, cohesion=10e3)
 
 
@@ -52,9 +38,12 @@ def test_on_facets_too_with_energy_in_balance_and_across_a_restart(dim, tmp_path
         side = "top" if dim == 2 else "front"
         foot = "bottom" if dim == 2 else "back"
         load = (0.0,) * (dim - 1) + (-1e3,)
-        terms = [Traction(grid.facets(side), load), WinklerBoundary(grid.facets(foot), 1e6, 2e5)]
-        run = FiniteElements(grid, SOIL, Newmark(1e-3), terms)
-        return run, run.record(Energy())
+        terms = [
+            mpm.Traction(grid.facets(side), load),
+            WinklerBoundary(grid.facets(foot), 1e6, 2e5),
+        ]
+        run = mpm.FiniteElements(grid, SOIL, mpm.Newmark(1e-3), terms)
+        return run, run.record(mpm.Energy())
 
     run, energy = scene()
     run.record(Checkpoint(tmp_path / "half", every=10))
@@ -73,32 +62,36 @@ def test_on_facets_too_with_energy_in_balance_and_across_a_restart(dim, tmp_path
 # -- damping ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mapping", [None, DM_GC, GIMP], ids=lambda m: str(m or "FE"))
+@pytest.mark.parametrize("mapping", [None, mpm.DM_GC, mpm.GIMP], ids=lambda m: str(m or "FE"))
 def test_a_standing_wave_loses_what_rayleigh_says(mapping):
     computed, exact = energy_left(mapping)
     assert computed == pytest.approx(exact, rel=5e-3)
 
 
-@pytest.mark.parametrize("mapping", [None, MPM, DM_GC], ids=lambda m: str(m or "FE"))
+@pytest.mark.parametrize("mapping", [None, mpm.MPM, mpm.DM_GC], ids=lambda m: str(m or "FE"))
 def test_damping_of_each_material_is_that_of_all(mapping):
     """Two layers, one term for both or one each; what is damped is in the balance."""
-    stiff = LinearElastic(young=50e6, poisson=0.2, density=2000.0)
+    stiff = mpm.LinearElastic(young=50e6, poisson=0.2, density=2000.0)
     found = []
     for terms in (
         [RayleighDamping(5.0, 1e-4)],
         [RayleighDamping(5.0, 1e-4, SOIL), RayleighDamping(5.0, 1e-4, stiff)],
     ):
-        grid = Grid.box((0.0, 0.0), (1.0, 2.0), (2, 4))
+        grid = mpm.Grid.box((0.0, 0.0), (1.0, 2.0), (2, 4))
         layers = [
-            MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] > 1.0),
-            MaterialPoints.fill(grid, stiff, 4, lambda x: x[1] < 1.0),
+            mpm.MaterialPoints.fill(grid, SOIL, 4, lambda x: x[1] > 1.0),
+            mpm.MaterialPoints.fill(grid, stiff, 4, lambda x: x[1] < 1.0),
         ]
-        terms = [*terms, Fixed(grid.facets("bottom")), Traction(grid.facets("top"), (0.0, -1e3))]
+        terms = [
+            *terms,
+            mpm.Fixed(grid.facets("bottom")),
+            mpm.Traction(grid.facets("top"), (0.0, -1e3)),
+        ]
         if mapping is None:
-            run = FiniteElements(grid, layers, Newmark(1e-3), terms)
+            run = mpm.FiniteElements(grid, layers, mpm.Newmark(1e-3), terms)
         else:
-            run = Simulation(grid, layers, Newmark(1e-3), terms, mapping)
-        energy = run.record(Energy())
+            run = mpm.Simulation(grid, layers, mpm.Newmark(1e-3), terms, mapping)
+        energy = run.record(mpm.Energy())
         for _ in range(20):
             run.step()
         assert energy.names[-1] == "damped" and energy["damped"][-1] > 0.0
@@ -113,16 +106,16 @@ def test_damping_of_each_material_is_that_of_all(mapping):
 
 
 def test_damping_of_a_material_that_is_not_there_is_refused():
-    grid = Grid.box((0.0, 0.0), (1.0, 1.0), (2, 2))
-    body, other = MaterialPoints.fill(grid, SOIL, 4), LinearElastic(1e6, 0.3, 1e3)
+    grid = mpm.Grid.box((0.0, 0.0), (1.0, 1.0), (2, 2))
+    body, other = mpm.MaterialPoints.fill(grid, SOIL, 4), mpm.LinearElastic(1e6, 0.3, 1e3)
     for make in (
-        lambda term: Simulation(grid, body, Newmark(1e-3), [term]),
-        lambda term: FiniteElements(grid, SOIL, Newmark(1e-3), [term]),
+        lambda term: mpm.Simulation(grid, body, mpm.Newmark(1e-3), [term]),
+        lambda term: mpm.FiniteElements(grid, SOIL, mpm.Newmark(1e-3), [term]),
     ):
         with pytest.raises(ValueError, match=r"no (body|cell) is of the material LinearElastic"):
             make(RayleighDamping(1.0, 0.0, other))
     with pytest.raises(ValueError, match="RayleighDamping needs velocities: step with Newmark"):
-        Simulation(grid, body, QuasiStatic(1), [RayleighDamping(1.0, 0.0)])
+        mpm.Simulation(grid, body, mpm.QuasiStatic(1), [RayleighDamping(1.0, 0.0)])
 
 
 # -- a law -----------------------------------------------------------------------------------------
@@ -155,24 +148,26 @@ def test_the_tangent_is_the_derivative_and_stress_stays_within_the_cone(dim):
     assert np.median(wrong) < 1e-6 and wrong.max() < 1e-4
 
 
-@pytest.mark.parametrize("mapping", [None, MPM, DM_GC], ids=lambda m: str(m or "FE"))
-@pytest.mark.parametrize("stepping", [QuasiStatic(4), Newmark(2e-3)], ids=["static", "dynamic"])
+@pytest.mark.parametrize("mapping", [None, mpm.MPM, mpm.DM_GC], ids=lambda m: str(m or "FE"))
+@pytest.mark.parametrize(
+    "stepping", [mpm.QuasiStatic(4), mpm.Newmark(2e-3)], ids=["static", "dynamic"]
+)
 def test_simple_shear_ends_at_the_cone_and_the_solver_is_one_for_such_matrices(mapping, stepping):
     """Flow without change of volume under a given pressure: τ = (k - μ p)/√3 wherever it is
     sheared."""
     law = DruckerPrager(SOIL, friction=0.6, dilation=0.0, cohesion=10e3)
-    grid = Grid.box((0.0, 0.0), (1.0, 1.0), (1, 1))
+    grid = mpm.Grid.box((0.0, 0.0), (1.0, 1.0), (1, 1))
     far = 0.01
-    terms = [Fixed(grid.facets(side), "y") for side in ("left", "right", "bottom", "top")]
+    terms = [mpm.Fixed(grid.facets(side), "y") for side in ("left", "right", "bottom", "top")]
     if not stepping.dynamic:
         terms += [
-            Fixed(grid.facets("bottom"), "x"),
-            Fixed(grid.facets("top"), "x", lambda t: far * t),
+            mpm.Fixed(grid.facets("bottom"), "x"),
+            mpm.Fixed(grid.facets("top"), "x", lambda t: far * t),
         ]
     if mapping is None:
-        run = FiniteElements(grid, law, stepping, terms)
+        run = mpm.FiniteElements(grid, law, stepping, terms)
     else:
-        run = Simulation(grid, MaterialPoints.fill(grid, law, 4), stepping, terms, mapping)
+        run = mpm.Simulation(grid, mpm.MaterialPoints.fill(grid, law, 4), stepping, terms, mapping)
     kind = run.equilibrium.ksp.getType(), run.equilibrium.ksp.getPC().getType()
     factored = not stepping.dynamic or mapping is None
     assert kind == (("preonly", "lu") if factored else ("gmres", "ilu"))

@@ -13,55 +13,34 @@ import numpy as np
 import pytest
 from test_ranks import environment
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    Checkpoint,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    Hencky,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Probe,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    Snapshots,
-    Solver,
-    Traction,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 
 SOIL = dense.SOIL
-CLAY = VonMises(SOIL, peak=10e3, residual=10e3, softening=0.0)
+CLAY = mpm.VonMises(SOIL, peak=10e3, residual=10e3, softening=0.0)
 BEARS = 2 * 10e3  # Pa: pressure that a block of it bears in plane strain on a smooth base, 2c
-KINDS = pytest.mark.parametrize("kind", [DM_GC, GIMP, None], ids=["DM-GC", "GIMP", "FE"])
+KINDS = pytest.mark.parametrize("kind", [mpm.DM_GC, mpm.GIMP, None], ids=["DM-GC", "GIMP", "FE"])
 
 
 def squeezed(kind, law=CLAY, stepping=None, most=3 * BEARS, solver=None):
     """A unit block on a smooth base, pushed from above with up to ``most`` (Pa) at time 1."""
     cells = 2 if kind is None else 3
-    grid = Grid.box((0.0, 0.0), (0.5 * cells,) * 2, (cells, cells))
-    terms = [Fixed(grid.facets("bottom"), "y"), Fixed(grid.facets("left"), "x")]
-    stepping = stepping or QuasiStatic(4)
+    grid = mpm.Grid.box((0.0, 0.0), (0.5 * cells,) * 2, (cells, cells))
+    terms = [mpm.Fixed(grid.facets("bottom"), "y"), mpm.Fixed(grid.facets("left"), "x")]
+    stepping = stepping or mpm.QuasiStatic(4)
     if kind is None:
-        return FiniteElements(
+        return mpm.FiniteElements(
             grid,
             law,
             stepping,
-            [*terms, Traction(grid.facets("top"), lambda t: (0.0, -most * t))],
+            [*terms, mpm.Traction(grid.facets("top"), lambda t: (0.0, -most * t))],
             solver=solver,
         )
-    body = MaterialPoints.fill(grid, law, 4, lambda x: (x < 1.0).all(axis=0))
-    return Simulation(
+    body = mpm.MaterialPoints.fill(grid, law, 4, lambda x: (x < 1.0).all(axis=0))
+    return mpm.Simulation(
         grid,
         body,
         stepping,
-        [*terms, Traction(body.surface("top"), lambda t: (0.0, -most * t))],
+        [*terms, mpm.Traction(body.surface("top"), lambda t: (0.0, -most * t))],
         kind,
         solver,
     )
@@ -70,7 +49,7 @@ def squeezed(kind, law=CLAY, stepping=None, most=3 * BEARS, solver=None):
 def copied(run):
     """The state, less what the next step begins with: the cells of the points and the grid's
     motion."""
-    derived = ("motion/u",) if isinstance(run, FiniteElements) else ("cell", "motion/")
+    derived = ("motion/u",) if isinstance(run, mpm.FiniteElements) else ("cell", "motion/")
     return {
         name: value.copy()
         for name, value in run.state().items()
@@ -93,7 +72,7 @@ def test_a_step_that_fails_in_its_second_half_leaves_the_state_of_its_start(kind
     """A block of perfect plasticity bears 2c: of the step from 3/4 to 3/2 of that only the first
     quarter is solved."""
     run = squeezed(kind)
-    energy = run.record(Energy())
+    energy = run.record(mpm.Energy())
     run.step()
     before, sums, solved, carry = copied(run), energy.sums.copy(), [], run.carry
     run.carry = lambda: (solved.append(1), carry())
@@ -102,13 +81,13 @@ def test_a_step_that_fails_in_its_second_half_leaves_the_state_of_its_start(kind
         r".* N at the node "
         r"x=\[.*\]; from t = 0\.\d+ to 0\.\d+, the step halved 3 times$"
     )
-    with pytest.raises(RunError, match=message):
+    with pytest.raises(mpm.RunError, match=message):
         run.step()
     assert len(solved) > 0 and unchanged(run, before) and np.array_equal(energy.sums, sums)
     assert run.steps == 1 and energy.times.tolist() == [0.0, 0.25]
 
 
-@pytest.mark.parametrize("kind", [DM_GC, None], ids=["points", "FE"])
+@pytest.mark.parametrize("kind", [mpm.DM_GC, None], ids=["points", "FE"])
 def test_a_step_that_is_not_cut_copies_nothing(kind, monkeypatch):
     run = squeezed(kind, most=0.5 * BEARS)
     monkeypatch.setattr(run, "state", lambda: pytest.fail("the state is asked for"))
@@ -130,19 +109,19 @@ def test_the_largest_residual_is_where_the_force_is():
 def crushed(stepping):
     """Two bodies side by side, the second of which is turned inside out by a load from t = 0.25
     on."""
-    grid = Grid.box((0, 0), (1, 1), (4, 4))
+    grid = mpm.Grid.box((0, 0), (1, 1), (4, 4))
     bodies = [
-        MaterialPoints.fill(grid, SOIL, 4, lambda x, low=low: (x[0] > low) & (x[0] < low + 0.5))
+        mpm.MaterialPoints.fill(grid, SOIL, 4, lambda x, low=low: (x[0] > low) & (x[0] < low + 0.5))
         for low in (0.0, 0.5)
     ]
-    walls = [Fixed(grid.facets("bottom"), "y"), Fixed(grid.facets("left", "right"), "x")]
-    load = Traction(bodies[1].surface("top"), lambda t: (0.0, -1e9 * (t > 0.25)))
-    return Simulation(grid, bodies, stepping, [*walls, load])
+    walls = [mpm.Fixed(grid.facets("bottom"), "y"), mpm.Fixed(grid.facets("left", "right"), "x")]
+    load = mpm.Traction(bodies[1].surface("top"), lambda t: (0.0, -1e9 * (t > 0.25)))
+    return mpm.Simulation(grid, bodies, stepping, [*walls, load])
 
 
 def test_a_point_that_turns_inside_out_is_named_and_no_body_has_moved():
-    run = crushed(QuasiStatic(10))
-    probe = run.record(Probe("stress", (0.3, 0.3)))
+    run = crushed(mpm.QuasiStatic(10))
+    probe = run.record(mpm.Probe("stress", (0.3, 0.3)))
     run.until(0.2)
     before = copied(run)
     message = (
@@ -151,14 +130,14 @@ def test_a_point_that_turns_inside_out_is_named_and_no_body_has_moved():
         r"the step$"
     )
     for _ in range(2):  # tried again it fails again
-        with pytest.raises(RunError, match=message):
+        with pytest.raises(mpm.RunError, match=message):
             run.step()
         assert unchanged(run, before) and run.steps == 2
     assert len(probe.times) == 3
 
 
 def test_a_support_domain_that_turns_inside_out_is_named_as_such():
-    body = MaterialPoints.fill(Grid.box((0, 0), (1, 1), (1, 1)), SOIL, 4)
+    body = mpm.MaterialPoints.fill(mpm.Grid.box((0, 0), (1, 1), (1, 1)), SOIL, 4)
     gradient = np.zeros((4, 2, 2))
     smooth = gradient.copy()
     smooth[2, 1, 1] = -1.5
@@ -171,17 +150,17 @@ def test_a_support_domain_that_turns_inside_out_is_named_as_such():
 
 
 def test_a_point_that_was_lost_can_be_put_back():
-    run = crushed(Newmark(1e-4))
+    run = crushed(mpm.Newmark(1e-4))
     run.step()
     before = copied(run)
     run.bodies[1].x[5] = (3.0, 0.3)
     with pytest.raises(
-        RunError, match=r"step 2, .*: body 1, material point 5 at x=\[3\.  0\.3\] lies outside"
+        mpm.RunError, match=r"step 2, .*: body 1, material point 5 at x=\[3\.  0\.3\] lies outside"
     ):
         run.step()
     run.bodies[1].x[5] = before["bodies/1/x"][5]
     run.step()
-    again = crushed(Newmark(1e-4))
+    again = crushed(mpm.Newmark(1e-4))
     again.until(2e-4)
     assert unchanged(run, copied(again))
 
@@ -189,11 +168,13 @@ def test_a_point_that_was_lost_can_be_put_back():
 def test_a_cell_that_turns_inside_out_is_named():
     """One linear solve a step of 1e9 Pa on 20 MPa: the elements end inside out, and the state stays
     as it was."""
-    one_solve = Solver(newton=Newton(tolerance=None))
-    run = squeezed(None, Hencky(20e6, 0.25, 1500.0), QuasiStatic(1), most=1e9, solver=one_solve)
+    one_solve = mpm.Solver(newton=mpm.Newton(tolerance=None))
+    run = squeezed(
+        None, mpm.Hencky(20e6, 0.25, 1500.0), mpm.QuasiStatic(1), most=1e9, solver=one_solve
+    )
     before = copied(run)
     with pytest.raises(
-        RunError,
+        mpm.RunError,
         match=r"FE, step 1, t = 1: cell \d with its centre at x=\[0\..*\] turns inside out: "
         r"det F = -\d",
     ):
@@ -205,28 +186,31 @@ def test_a_cell_that_turns_inside_out_is_named():
 
 
 @pytest.mark.parametrize("law", [SOIL, CLAY], ids=["elastic", "von Mises"])
-@pytest.mark.parametrize("kind", [DM_GC, None], ids=["points", "FE"])
+@pytest.mark.parametrize("kind", [mpm.DM_GC, None], ids=["points", "FE"])
 @pytest.mark.parametrize("placed", [False, True])
 def test_a_load_that_is_no_number_is_named(kind, law, placed):
-    grid = Grid.box((0.0, 0.0), (1.0, 1.5), (2, 3))
-    body = MaterialPoints.fill(grid, law, 4, lambda x: x[1] < 1.0)
+    grid = mpm.Grid.box((0.0, 0.0), (1.0, 1.5), (2, 3))
+    body = mpm.MaterialPoints.fill(grid, law, 4, lambda x: x[1] < 1.0)
     bad = (
         (lambda t, x: np.where(x[:, :1] > 0.6, np.log(0.25 - t), 0.0) * np.ones(2))
         if placed
         else (lambda t: (0.0, np.log(0.25 - t)))
     )
     on = grid.facets("top") if kind is None else body.surface("top")
-    for term, name in ((Gravity(bad), "g of Gravity"), (Traction(on, bad), "value of Traction")):
-        terms, stepping = [Fixed(grid.facets("bottom")), term], Newmark(0.1)
+    for term, name in (
+        (mpm.Gravity(bad), "g of Gravity"),
+        (mpm.Traction(on, bad), "value of Traction"),
+    ):
+        terms, stepping = [mpm.Fixed(grid.facets("bottom")), term], mpm.Newmark(0.1)
         run = (
-            FiniteElements(grid, law, stepping, terms)
+            mpm.FiniteElements(grid, law, stepping, terms)
             if kind is None
-            else Simulation(grid, body, stepping, terms)
+            else mpm.Simulation(grid, body, stepping, terms)
         )
         where = r"\[nan nan\] at t = 0\.3, x=\[.*\]" if placed else r"\[ 0\. nan\] at t = 0\.3"
         with (
             pytest.raises(
-                RunError, match=rf"step 3, t = 0\.3: {name} must be finite, got {where}$"
+                mpm.RunError, match=rf"step 3, t = 0\.3: {name} must be finite, got {where}$"
             ),
             np.errstate(invalid="ignore"),
         ):
@@ -246,20 +230,20 @@ def full(file: Path):
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full")
-@pytest.mark.parametrize("kind", [DM_GC, None], ids=["points", "FE"])
+@pytest.mark.parametrize("kind", [mpm.DM_GC, None], ids=["points", "FE"])
 def test_a_full_disk_costs_a_file_and_nothing_else(kind, tmp_path):
     """Step 2 cannot write: all else has its data, the old files stay, and the run goes on as if
     nothing had been."""
-    run, calm = (squeezed(kind, SOIL, Newmark(1e-3)) for _ in range(2))
-    shots = run.record(Snapshots(tmp_path / "block"))
-    keep = run.record(Checkpoint(tmp_path / "state.npz"))
-    probe, energy = run.record(Probe("stress", (0.5, 0.5))), run.record(Energy())
+    run, calm = (squeezed(kind, SOIL, mpm.Newmark(1e-3)) for _ in range(2))
+    shots = run.record(mpm.Snapshots(tmp_path / "block"))
+    keep = run.record(mpm.Checkpoint(tmp_path / "state.npz"))
+    probe, energy = run.record(mpm.Probe("stress", (0.5, 0.5))), run.record(mpm.Energy())
     run.step()
     kept = keep.path.read_bytes()
     full(tmp_path / "block_grid_000002.vtu")
     full(keep.path)
     with pytest.raises(
-        RunError,
+        mpm.RunError,
         match=r"step 2, t = 0\.002: snapshot not written: No space left on device: .*block",
     ) as caught:
         run.until(5e-3)
@@ -272,7 +256,7 @@ def test_a_full_disk_costs_a_file_and_nothing_else(kind, tmp_path):
     )
     full(keep.path)
     with pytest.raises(
-        RunError, match=r"step 3, t = 0\.003: checkpoint not written: No space .*state\.npz"
+        mpm.RunError, match=r"step 3, t = 0\.003: checkpoint not written: No space .*state\.npz"
     ):
         run.until(5e-3)
     run.until(4e-3)  # there is space again
@@ -281,21 +265,21 @@ def test_a_full_disk_costs_a_file_and_nothing_else(kind, tmp_path):
     calm.until(5e-3)
     assert unchanged(calm, copied(run)) and len(probe.times) == len(energy.times) == 6
     assert not list(tmp_path.glob("*.part"))
-    again = squeezed(kind, SOIL, Newmark(1e-3))
+    again = squeezed(kind, SOIL, mpm.Newmark(1e-3))
     again.restart(keep.path)
     assert again.steps == 5 and unchanged(again, copied(run))
 
 
 def test_a_file_size_limit_leaves_the_checkpoint_before(tmp_path):
     resource = pytest.importorskip("resource")
-    run = squeezed(DM_GC, SOIL, Newmark(1e-3))
-    keep = run.record(Checkpoint(tmp_path / "state.npz"))
+    run = squeezed(mpm.DM_GC, SOIL, mpm.Newmark(1e-3))
+    keep = run.record(mpm.Checkpoint(tmp_path / "state.npz"))
     run.step()
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2000, limit[1]))
     try:
         with pytest.raises(
-            RunError, match=r"step 2, t = 0\.002: checkpoint not written: File too large"
+            mpm.RunError, match=r"step 2, t = 0\.002: checkpoint not written: File too large"
         ):
             run.step()
     finally:
@@ -307,8 +291,8 @@ def test_a_file_size_limit_leaves_the_checkpoint_before(tmp_path):
 
 def killed(folder):
     """What a process does that is killed while it writes its third checkpoint."""
-    run, sync = squeezed(DM_GC, SOIL, Newmark(1e-3)), os.fsync
-    run.record(Checkpoint(folder / "state.npz"))
+    run, sync = squeezed(mpm.DM_GC, SOIL, mpm.Newmark(1e-3)), os.fsync
+    run.record(mpm.Checkpoint(folder / "state.npz"))
     os.fsync = lambda file: os.kill(os.getpid(), signal.SIGKILL) if run.steps == 3 else sync(file)
     run.until(1.0)
 
@@ -323,9 +307,9 @@ def test_a_process_that_is_killed_while_it_writes_leaves_the_checkpoint_before(t
     )
     assert done.returncode == -signal.SIGKILL, done.stderr[-2000:]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["state.npz", "state.npz.part"]
-    run, whole = (squeezed(DM_GC, SOIL, Newmark(1e-3)) for _ in range(2))
+    run, whole = (squeezed(mpm.DM_GC, SOIL, mpm.Newmark(1e-3)) for _ in range(2))
     run.restart(tmp_path / "state.npz")
-    run.record(Checkpoint(tmp_path / "state.npz"))
+    run.record(mpm.Checkpoint(tmp_path / "state.npz"))
     assert run.steps == 2
     for one in (run, whole):
         one.until(4e-3)
@@ -335,7 +319,7 @@ def test_a_process_that_is_killed_while_it_writes_leaves_the_checkpoint_before(t
 
 
 def test_recorders_without_an_errno_are_named_too():
-    run = squeezed(None, SOIL, Newmark(1e-3))
+    run = squeezed(None, SOIL, mpm.Newmark(1e-3))
 
     class Broken:
         def attach(self, run):
@@ -345,8 +329,8 @@ def test_recorders_without_an_errno_are_named_too():
             raise OSError("the tape is torn")
 
     run.record(Broken())
-    probe = run.record(Probe("stress", (0.5, 0.5)))
-    with pytest.raises(RunError, match=r"^FE, step 1, t = 0\.001: the tape is torn$"):
+    probe = run.record(mpm.Probe("stress", (0.5, 0.5)))
+    with pytest.raises(mpm.RunError, match=r"^FE, step 1, t = 0\.001: the tape is torn$"):
         run.step()
     assert len(probe.times) == 2
 

@@ -4,34 +4,19 @@ import dense
 import numpy as np
 import pytest
 
-from mpm_fenicsx import (
-    Energy,
-    FiniteElements,
-    Fixed,
-    GeneralizedAlpha,
-    Gravity,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-    Traction,
-    ViscoelasticBoundary,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.grid import dolfinx_versions
 
 
 def shaken(grid, **keywords):
     dim = grid.dim
     terms = [
-        Fixed(grid.facets("bottom")),
-        Gravity(lambda t: np.sin(300 * t) * (np.arange(dim) + 1.0)),
-        Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x),
-        ViscoelasticBoundary(grid.facets("right"), dense.SOFT, 2.0),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Gravity(lambda t: np.sin(300 * t) * (np.arange(dim) + 1.0)),
+        mpm.Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x),
+        mpm.ViscoelasticBoundary(grid.facets("right"), dense.SOFT, 2.0),
     ]
-    return FiniteElements(grid, dense.SOIL, Newmark(1e-3), terms, **keywords)
+    return mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(1e-3), terms, **keywords)
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -85,18 +70,21 @@ def test_a_factored_matrix_is_assembled_once(monkeypatch):
 @pytest.mark.parametrize("steps", [1, 3])
 def test_a_linear_scene_does_not_mind_its_load_steps(steps):
     grid = dense.uneven(3)
-    run = FiniteElements(
+    run = mpm.FiniteElements(
         grid,
         dense.SOIL,
-        QuasiStatic(steps),
-        [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), lambda s, x: s * 1e4 * x)],
+        mpm.QuasiStatic(steps),
+        [
+            mpm.Fixed(grid.facets("bottom")),
+            mpm.Traction(grid.facets("top"), lambda s, x: s * 1e4 * x),
+        ],
     )
     run.until(1.0)
-    once = FiniteElements(
+    once = mpm.FiniteElements(
         grid,
         dense.SOIL,
-        QuasiStatic(1),
-        [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), lambda s, x: 1e4 * x)],
+        mpm.QuasiStatic(1),
+        [mpm.Fixed(grid.facets("bottom")), mpm.Traction(grid.facets("top"), lambda s, x: 1e4 * x)],
     )
     once.until(1.0)
     u = once.displacement.x.array
@@ -108,10 +96,13 @@ def test_a_linear_scene_does_not_mind_its_load_steps(steps):
 def test_a_bar_vibrates_with_the_frequency_of_its_mode():
     """Consistent mass and the trapezoidal rule: tan(ω dt/2) = dt/2 ω_h, with ω_h of bilinear
     elements."""
-    L, n, dt, rod = 2.0, 8, 2e-3, LinearElastic(young=1e6, poisson=0.0, density=1000.0)
-    grid = Grid.box((0, 0), (L, 0.5), (n, 1))
-    run = FiniteElements(
-        grid, rod, Newmark(dt), [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
+    L, n, dt, rod = 2.0, 8, 2e-3, mpm.LinearElastic(young=1e6, poisson=0.0, density=1000.0)
+    grid = mpm.Grid.box((0, 0), (L, 0.5), (n, 1))
+    run = mpm.FiniteElements(
+        grid,
+        rod,
+        mpm.Newmark(dt),
+        [mpm.Fixed(grid.facets("left"), "x"), mpm.Fixed(grid.facets("bottom"), "y")],
     )
     x = grid.space.tabulate_dof_coordinates()[:, 0]
     k, h, c = np.pi / (2 * L), L / n, rod.p_speed
@@ -130,21 +121,21 @@ def test_a_bar_vibrates_with_the_frequency_of_its_mode():
 
 def test_a_viscous_base_takes_a_plane_wave_whole():
     """One row of elements, a smooth pulse: the energy left is the grid's dispersion."""
-    grid = Grid.box((0, 0), (0.5, 20), (1, 80))
-    soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+    grid = mpm.Grid.box((0, 0), (0.5, 20), (1, 80))
+    soil = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
     left = {}
     for name, term in (
-        ("viscous", ViscousBoundary(grid.facets("bottom"), soil)),
-        ("fixed", Fixed(grid.facets("bottom"), "y")),
+        ("viscous", mpm.ViscousBoundary(grid.facets("bottom"), soil)),
+        ("fixed", mpm.Fixed(grid.facets("bottom"), "y")),
     ):
-        run = FiniteElements(
+        run = mpm.FiniteElements(
             grid,
             soil,
-            Newmark(2e-3),
+            mpm.Newmark(2e-3),
             [
-                Fixed(grid.facets("left", "right"), "x"),
+                mpm.Fixed(grid.facets("left", "right"), "x"),
                 term,
-                Traction(
+                mpm.Traction(
                     grid.facets("top"),
                     lambda t: (0.0, -1e3 * np.sin(np.pi * min(t / 0.2, 1.0)) ** 2),
                 ),
@@ -165,18 +156,18 @@ def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
     for points in (False, True):
         grid = dense.uneven(dim)
         on = (
-            MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("top")
+            mpm.MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("top")
             if points
             else grid.facets("top")
         )
-        run = FiniteElements(
+        run = mpm.FiniteElements(
             grid,
             dense.SOIL,
-            Newmark(1e-3),
+            mpm.Newmark(1e-3),
             [
-                Fixed(grid.facets("bottom")),
-                Traction(on, (1e6,) * dim),
-                ViscousBoundary(on, dense.SOFT),
+                mpm.Fixed(grid.facets("bottom")),
+                mpm.Traction(on, (1e6,) * dim),
+                mpm.ViscousBoundary(on, dense.SOFT),
             ],
         )
         run.until(0.01)
@@ -188,21 +179,21 @@ def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
 # -- going on from another run ---------------------------------------------------------------------
 
 
-DAMPED = GeneralizedAlpha(
+DAMPED = mpm.GeneralizedAlpha(
     0.1, spectral_radius=0.5
 )  # a load that starts at once rings on under Newmark
-SPRINGY = LinearElastic(young=20e6, poisson=0.25, density=1500.0)  # r = 20 m: 2G/r = 8e5 Pa/m
+SPRINGY = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)  # r = 20 m: 2G/r = 8e5 Pa/m
 
 
 def on_springs(grid, *parts, load=500.0):
     """A column between smooth walls on springs on ``parts``, under a load that stays."""
     up, top = grid.dim - 1, grid.facets("top" if grid.dim == 2 else "front")
-    walls = [Fixed(grid.facets("left", "right"), "x")]
-    walls += [Fixed(grid.facets("bottom", "top"), "y")] if up == 2 else []
+    walls = [mpm.Fixed(grid.facets("left", "right"), "x")]
+    walls += [mpm.Fixed(grid.facets("bottom", "top"), "y")] if up == 2 else []
     return [
         *walls,
-        Traction(top, -load * np.eye(grid.dim)[up]),
-        *(ViscoelasticBoundary(part, SPRINGY, 20.0) for part in parts),
+        mpm.Traction(top, -load * np.eye(grid.dim)[up]),
+        *(mpm.ViscoelasticBoundary(part, SPRINGY, 20.0) for part in parts),
     ]
 
 
@@ -215,15 +206,15 @@ def test_springs_go_on_with_what_they_bear(dim, surface):
     fresh = (
         (lambda: grid.facets(base))
         if surface == "facets"
-        else (lambda: MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface(base))
+        else (lambda: mpm.MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface(base))
     )
-    whole = FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, fresh()))
+    whole = mpm.FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, fresh()))
     whole.until(2.0)
     on = fresh()
-    first = FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, on))
+    first = mpm.FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, on))
     first.until(1.0)
     again = on if surface == "points" else fresh()
-    second = FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, again), start=first)
+    second = mpm.FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, again), start=first)
     second.until(1.0)
     for name, value in whole.state().items():
         assert np.array_equal(second.state()[name], value), name
@@ -232,8 +223,8 @@ def test_springs_go_on_with_what_they_bear(dim, surface):
     sunk = -500.0 * 20.0 / (2 * SPRINGY.lame[1])  # -6.25e-4 m; without memory it sinks twice
     assert u.max() == pytest.approx(sunk, rel=1e-4)  # it hardly trembles any more
     again = whole.terms[-1].on if surface == "points" else fresh()
-    rest = FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, again), start=whole)
-    energy = rest.record(Energy())
+    rest = mpm.FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, again), start=whole)
+    energy = rest.record(mpm.Energy())
     rest.until(20.0)
     now = rest.motion.nodal(rest.displacement)[:, -1]
     np.testing.assert_allclose(now, u, atol=1e-4 * abs(sunk))
@@ -244,11 +235,11 @@ def test_springs_keep_what_they_bear_however_their_facets_are_named():
     """Two surfaces become one and one becomes two; a part that had none before cannot be told."""
     grid = dense.uneven(2)
     left, right, both = grid.facets("left"), grid.facets("right"), grid.facets("left", "right")
-    terms = [Fixed(grid.facets("bottom"), "y"), Traction(grid.facets("top"), (1e3, -500.0))]
+    terms = [mpm.Fixed(grid.facets("bottom"), "y"), mpm.Traction(grid.facets("top"), (1e3, -500.0))]
 
     def run(*surfaces, **keywords):
-        springs = [ViscoelasticBoundary(on, SPRINGY, 20.0) for on in surfaces]
-        return FiniteElements(grid, SPRINGY, Newmark(0.01), [*terms, *springs], **keywords)
+        springs = [mpm.ViscoelasticBoundary(on, SPRINGY, 20.0) for on in surfaces]
+        return mpm.FiniteElements(grid, SPRINGY, mpm.Newmark(0.01), [*terms, *springs], **keywords)
 
     whole, first = run(left, right), run(left, right)
     whole.until(0.2)
@@ -267,7 +258,7 @@ def test_springs_keep_what_they_bear_however_their_facets_are_named():
     assert np.array_equal(kept, half.displacement.x.array) and not fresh.any()
     with pytest.warns(UserWarning, match=r"\('right',\) start unstressed, .*\('left',\) is gone"):
         run(right, start=half)
-    points = MaterialPoints.fill(grid, dense.SOIL, 4).surface("left")
+    points = mpm.MaterialPoints.fill(grid, dense.SOIL, 4).surface("left")
     with pytest.warns(UserWarning, match=r"springs on 12 surface points start unstressed"):
         run(points, start=half)
     run(start=half)  # springs may go
@@ -277,25 +268,25 @@ def test_what_start_takes_over_and_what_not():
     """Motion goes on; ``Fixed`` moves by what its value changes from 0 on; statics are at rest."""
     grid = dense.uneven(2)
     push = [
-        Fixed(grid.facets("bottom"), value=lambda t: 1e-3 * (3.0 + t)),
-        Traction(grid.facets("top"), (1e3, 0.0)),
+        mpm.Fixed(grid.facets("bottom"), value=lambda t: 1e-3 * (3.0 + t)),
+        mpm.Traction(grid.facets("top"), (1e3, 0.0)),
     ]
-    first = FiniteElements(grid, dense.SOIL, Newmark(0.01), push)
+    first = mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(0.01), push)
     first.until(0.1)
-    second = FiniteElements(grid, dense.SOIL, Newmark(0.01), push, start=first)
+    second = mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(0.01), push, start=first)
     for name in ("v", "a"):
         now, before = (getattr(run.motion, name).x.array for run in (second, first))
         assert np.array_equal(now, before)
     second.until(0.1)
     base = grid.space.tabulate_dof_coordinates()[:, 1] < 1e-9
     np.testing.assert_allclose(second.motion.nodal(second.displacement)[base], 2e-4, rtol=1e-9)
-    still = [push[1], Fixed(grid.facets("bottom"))]
-    static = FiniteElements(grid, dense.SOIL, QuasiStatic(1), still, start=second)
+    still = [push[1], mpm.Fixed(grid.facets("bottom"))]
+    static = mpm.FiniteElements(grid, dense.SOIL, mpm.QuasiStatic(1), still, start=second)
     static.step()
     np.testing.assert_allclose(static.motion.nodal(static.displacement)[base], 2e-4, rtol=1e-9)
-    moving = FiniteElements(grid, dense.SOIL, Newmark(0.01), push, start=static)
+    moving = mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(0.01), push, start=static)
     assert not moving.motion.v.x.array.any()
-    body = MaterialPoints.fill(grid, dense.SOIL, 4)
-    points = Simulation(grid, body, Newmark(0.01), [])
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)
+    points = mpm.Simulation(grid, body, mpm.Newmark(0.01), [])
     with pytest.raises(ValueError, match=r"start must be a finite element run, got .*Simulation"):
-        FiniteElements(grid, dense.SOIL, Newmark(0.01), push, start=points)
+        mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(0.01), push, start=points)

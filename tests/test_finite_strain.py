@@ -16,37 +16,16 @@ from plastic import EXACT
 from stretched import LAW, SOIL
 from test_ranks import difference, environment, mpiexec
 
-from mpm_fenicsx import (
-    CMPM,
-    DM,
-    DM_G,
-    DM_GC,
-    GIMP,
-    MAPPINGS,
-    MPM,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    Traction,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 
-SMALL = LinearElastic(SOIL.young, SOIL.poisson, SOIL.density)
+SMALL = mpm.LinearElastic(SOIL.young, SOIL.poisson, SOIL.density)
 
 
 def name(kind):
     return "FE" if kind is None else str(kind)
 
 
-def cases(*plane, solid=(DM_GC,)):
+def cases(*plane, solid=(mpm.DM_GC,)):
     """Mappings, None for finite elements: all in plane strain, few in 3D, whose forms take long to
     compile."""
     every = [(kind, dim) for dim, kinds in ((2, plane), (3, solid)) for kind in kinds]
@@ -63,15 +42,15 @@ def at_unrest(kind, grid, law, half=1.0):
     ready."""
     rng = np.random.default_rng(7)
     if kind is None:
-        run = FiniteElements(grid, law, Newmark(0.1), [])
+        run = mpm.FiniteElements(grid, law, mpm.Newmark(0.1), [])
         run.motion.u.x.array[:] = 0.02 * rng.normal(size=len(run.motion.u.x.array))
         run.carry()
     else:
-        body = MaterialPoints.fill(grid, law, 2**grid.dim, jitter=0.4, seed=7)
+        body = mpm.MaterialPoints.fill(grid, law, 2**grid.dim, jitter=0.4, seed=7)
         body.stress[:] = 2e5 * rng.normal(size=body.stress.shape)
         body.volume *= rng.uniform(0.8, 1.2, len(body))
         body.half *= half
-        run = Simulation(grid, body, Newmark(0.1), [], kind)
+        run = mpm.Simulation(grid, body, mpm.Newmark(0.1), [], kind)
     plastic.prepared(run)
     run.yielding.clear()
     run.motion.u.x.array[:] = 0.02 * rng.normal(size=len(run.motion.u.x.array))
@@ -99,21 +78,23 @@ def mismatch(run):
 
 
 @pytest.mark.parametrize("law", [SOIL, LAW], ids=["Hencky", "von Mises"])
-@pytest.mark.parametrize("kind", [None, MPM, DM, DM_G, DM_GC], ids=name)
+@pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.DM, mpm.DM_G, mpm.DM_GC], ids=name)
 def test_the_matrix_is_the_derivative_of_the_residual(kind, law):
     assert mismatch(at_unrest(kind, dense.uneven(2), law)) < 1e-7
 
 
-@pytest.mark.parametrize("kind", [None, MPM, DM_GC], ids=name)
+@pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.DM_GC], ids=name)
 def test_the_matrix_is_the_derivative_of_the_residual_in_3d(kind):
-    grid = Grid.rectilinear([np.array([0.0, 0.4, 1.0]), [0.0, 0.7], [0.0, 0.5]])
+    grid = mpm.Grid.rectilinear([np.array([0.0, 0.4, 1.0]), [0.0, 0.7], [0.0, 0.5]])
     assert mismatch(at_unrest(kind, grid, LAW)) < 1e-7
 
 
 def test_support_domains_make_the_matrix_of_gimp_nearly_the_derivative():
     """∇S∇S at the points, the mean of ∇N∇N in the matrix: the difference goes with the square of
     support domains."""
-    gaps = [mismatch(at_unrest(GIMP, dense.uneven(2), SOIL, half)) for half in (1.0, 0.04, 0.02)]
+    gaps = [
+        mismatch(at_unrest(mpm.GIMP, dense.uneven(2), SOIL, half)) for half in (1.0, 0.04, 0.02)
+    ]
     assert 1e-4 < gaps[0] < 0.2
     assert np.log2(gaps[1] / gaps[2]) > 1.9
 
@@ -121,14 +102,14 @@ def test_support_domains_make_the_matrix_of_gimp_nearly_the_derivative():
 # -- small strain is its limit ---------------------------------------------------------------------
 
 
-@cases(None, MPM, GIMP, DM_G, DM_GC)
+@cases(None, mpm.MPM, mpm.GIMP, mpm.DM_G, mpm.DM_GC)
 def test_small_loads_give_the_small_strain_answer(kind, dim):
     """They differ by the order of the strain, 1e-8, and no round-off of logarithms shows."""
     found = []
     for law in (SMALL, SOIL):
         grid = dense.uneven(dim)
-        loads = [term for term in plastic.loads(grid, 1e-5) if not isinstance(term, Gravity)]
-        run = plastic.run_of(kind, grid, QuasiStatic(2), loads, law=law, solver=EXACT)
+        loads = [term for term in plastic.loads(grid, 1e-5) if not isinstance(term, mpm.Gravity)]
+        run = plastic.run_of(kind, grid, mpm.QuasiStatic(2), loads, law=law, solver=EXACT)
         run.until(1.0)
         found.append(run.bodies[0].stress if run.bodies else run.stress(np.arange(3**dim)))
     assert run.equilibrium.solves <= 4
@@ -136,7 +117,7 @@ def test_small_loads_give_the_small_strain_answer(kind, dim):
     np.testing.assert_allclose(found[1], found[0], atol=1e-7 * np.abs(found[0]).max())
 
 
-@cases(DM, DM_G, DM_GC)
+@cases(mpm.DM, mpm.DM_G, mpm.DM_GC)
 def test_the_first_step_of_a_full_grid_is_that_of_finite_elements(kind, dim):
     rng, found = np.random.default_rng(6), []
     for way in (kind, None):
@@ -144,12 +125,12 @@ def test_the_first_step_of_a_full_grid_is_that_of_finite_elements(kind, dim):
         body = (
             dense.tiles(grid, rng, material=LAW)
             if kind.support
-            else MaterialPoints.fill(grid, LAW, 2**dim)
+            else mpm.MaterialPoints.fill(grid, LAW, 2**dim)
         )
         run = plastic.run_of(
             way,
             grid,
-            QuasiStatic(1),
+            mpm.QuasiStatic(1),
             plastic.loads(grid, 30.0),
             body,
             law=LAW,
@@ -162,11 +143,11 @@ def test_the_first_step_of_a_full_grid_is_that_of_finite_elements(kind, dim):
     np.testing.assert_allclose(found[0], found[1], atol=1e-9 * np.abs(found[1]).max())
 
 
-@pytest.mark.parametrize("kind", [None, MPM, DM_G, DM_GC], ids=name)
+@pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.DM_G, mpm.DM_GC], ids=name)
 def test_newton_converges_quadratically(kind):
     grid = dense.uneven(2)
     run = plastic.run_of(
-        kind, grid, QuasiStatic(1), plastic.loads(grid, 60.0), law=SOIL, solver=EXACT
+        kind, grid, mpm.QuasiStatic(1), plastic.loads(grid, 60.0), law=SOIL, solver=EXACT
     )
     norms = plastic.residuals(run)
     run.step()
@@ -191,16 +172,16 @@ def imposed(run, F):
 
 
 def disc(grid, law):
-    return MaterialPoints.fill(
+    return mpm.MaterialPoints.fill(
         grid, law, 3**grid.dim, jitter=0.4, inside=lambda x: ((x - 0.5) ** 2).sum(axis=0) < 0.3**2
     )
 
 
-@cases(*MAPPINGS)
+@cases(*mpm.MAPPINGS)
 def test_a_body_turns_all_the_way_without_stress(kind, dim):
     grid = dense.uneven(dim)
     body = disc(grid, SOIL)
-    run = Simulation(grid, body, QuasiStatic(1), [], kind)
+    run = mpm.Simulation(grid, body, mpm.QuasiStatic(1), [], kind)
     θ = math.radians(10.0)
     start = body.x.copy()
     R = np.eye(dim)
@@ -211,17 +192,17 @@ def test_a_body_turns_all_the_way_without_stress(kind, dim):
     assert np.abs(body.stress).max() < 1e-11 * SOIL.young
 
 
-@cases(MPM, DM_GC)
+@cases(mpm.MPM, mpm.DM_GC)
 def test_simple_shear_is_the_same_in_finite_elements_and_at_points(kind, dim):
     """In five steps to γ = 0.5: sheared steps add up, F being the product.  Elastic: the closed
     form of asinh γ/2."""
     for law in (SOIL, LAW):
         grid = dense.uneven(dim)
-        body = MaterialPoints.fill(
+        body = mpm.MaterialPoints.fill(
             grid, law, 3**dim, jitter=0.4, inside=lambda x: ((x > 0.1) & (x < 0.9)).all(axis=0)
         )
         points, twin = (
-            plastic.run_of(way, grid, QuasiStatic(5), [], body, law=law) for way in (kind, None)
+            plastic.run_of(way, grid, mpm.QuasiStatic(5), [], body, law=law) for way in (kind, None)
         )
         F = np.eye(dim)
         F[0, 1] = 0.1
@@ -252,19 +233,21 @@ def pressed(kind, dim, law, steps=5):
     and the load."""
     M = law.lame[0] + 2 * law.lame[1]
     load, up = 0.5 * M, dim - 1
-    grid = Grid.box((0,) * dim, (1.0,) * dim, (4,) * dim)
+    grid = mpm.Grid.box((0,) * dim, (1.0,) * dim, (4,) * dim)
     held = {"left": "x", "right": "x", "bottom": "y", "top": "y", "back": "z"}
-    walls = [Fixed(grid.facets(side), held[side]) for side in list(held)[: 3 if dim == 2 else 5]]
+    walls = [
+        mpm.Fixed(grid.facets(side), held[side]) for side in list(held)[: 3 if dim == 2 else 5]
+    ]
     push = np.zeros(dim)
     push[up] = -load
     side = "top" if dim == 2 else "front"
-    body = None if kind is None else MaterialPoints.fill(grid, law, 2**dim)
+    body = None if kind is None else mpm.MaterialPoints.fill(grid, law, 2**dim)
     top = grid.facets(side) if kind is None else body.surface(side)
     run = plastic.run_of(
         kind,
         grid,
-        QuasiStatic(steps),
-        [*walls, Traction(top, lambda t: t * push)],
+        mpm.QuasiStatic(steps),
+        [*walls, mpm.Traction(top, lambda t: t * push)],
         body,
         law=law,
         solver=EXACT,
@@ -272,12 +255,12 @@ def pressed(kind, dim, law, steps=5):
     return run, load, M
 
 
-@cases(None, GIMP, DM_G, DM_GC, solid=(GIMP, DM_GC))
+@cases(None, mpm.GIMP, mpm.DM_G, mpm.DM_GC, solid=(mpm.GIMP, mpm.DM_GC))
 def test_a_block_is_pressed_as_hencky_says(kind, dim):
     """Uniaxial strain: -M ln λ/λ is the pressure.  Points that tile the block, cut cells at its
     top: exact."""
     run, load, M = pressed(kind, dim, SOIL)
-    energy = run.record(Energy())
+    energy = run.record(mpm.Energy())
     run.until(1.0)
     low, high = 0.3, 1.0
     for _ in range(60):
@@ -303,27 +286,29 @@ def test_a_block_is_pressed_as_hencky_says(kind, dim):
 
 def test_what_finite_strain_cannot_do_is_refused():
     grid = dense.uneven(2)
-    body = MaterialPoints.fill(grid, SOIL, 4)
+    body = mpm.MaterialPoints.fill(grid, SOIL, 4)
     with pytest.raises(ValueError, match="b_bar is for small strain only"):
-        Simulation(grid, body, QuasiStatic(1), [], replace(DM_GC, b_bar=True))
+        mpm.Simulation(grid, body, mpm.QuasiStatic(1), [], replace(mpm.DM_GC, b_bar=True))
     with pytest.raises(ValueError, match="b_bar is for small strain only"):
-        FiniteElements(grid, SOIL, QuasiStatic(1), [], b_bar=True)
-    yielding = MaterialPoints.fill(grid, VonMises(SMALL, 1e3, 1e3, 0.0), 4)
+        mpm.FiniteElements(grid, SOIL, mpm.QuasiStatic(1), [], b_bar=True)
+    yielding = mpm.MaterialPoints.fill(grid, mpm.VonMises(SMALL, 1e3, 1e3, 0.0), 4)
     with pytest.raises(ValueError, match="yields at small strain cannot share a run"):
-        Simulation(grid, [body, yielding], QuasiStatic(1), [], DM_GC)
+        mpm.Simulation(grid, [body, yielding], mpm.QuasiStatic(1), [], mpm.DM_GC)
 
 
-@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_GC], ids=str)
 def test_an_elastic_body_of_small_strain_may_share_a_run(mapping):
     """Two halves of a block: of little load, so that they answer alike."""
 
     def solved(left, right):
         grid = dense.uneven(2)
         bodies = [
-            MaterialPoints.fill(grid, left, 4, inside=lambda x: x[0] < 0.5),
-            MaterialPoints.fill(grid, right, 4, inside=lambda x: x[0] > 0.5),
+            mpm.MaterialPoints.fill(grid, left, 4, inside=lambda x: x[0] < 0.5),
+            mpm.MaterialPoints.fill(grid, right, 4, inside=lambda x: x[0] > 0.5),
         ]
-        run = Simulation(grid, bodies, QuasiStatic(1), plastic.loads(grid, 1e-2), mapping, EXACT)
+        run = mpm.Simulation(
+            grid, bodies, mpm.QuasiStatic(1), plastic.loads(grid, 1e-2), mapping, EXACT
+        )
         run.step()
         return np.vstack([b.stress for b in bodies])
 
@@ -333,23 +318,25 @@ def test_an_elastic_body_of_small_strain_may_share_a_run(mapping):
 
 def test_a_point_that_turns_inside_out_stops_the_run_by_name():
     grid = dense.uneven(2)
-    run = Simulation(
+    run = mpm.Simulation(
         grid,
-        MaterialPoints.fill(grid, SOIL, 4),
-        QuasiStatic(1),
-        [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), (0.0, -1e9))],
-        DM_GC,
+        mpm.MaterialPoints.fill(grid, SOIL, 4),
+        mpm.QuasiStatic(1),
+        [mpm.Fixed(grid.facets("bottom")), mpm.Traction(grid.facets("top"), (0.0, -1e9))],
+        mpm.DM_GC,
     )
-    with pytest.raises(RunError, match="step 1, t = 1"):
+    with pytest.raises(mpm.RunError, match="step 1, t = 1"):
         run.step()
 
 
 def test_small_strain_has_nothing_of_it():
     grid = dense.uneven(2)
-    run = Simulation(grid, MaterialPoints.fill(grid, SMALL, 4), QuasiStatic(1), [], CMPM)
+    run = mpm.Simulation(
+        grid, mpm.MaterialPoints.fill(grid, SMALL, 4), mpm.QuasiStatic(1), [], mpm.CMPM
+    )
     assert run.yielding is None
     assert run.bodies[0].history is None
-    assert not SOIL.history and MaterialPoints.fill(grid, SOIL, 4).history is None
+    assert not SOIL.history and mpm.MaterialPoints.fill(grid, SOIL, 4).history is None
 
 
 # -- several ranks ---------------------------------------------------------------------------------

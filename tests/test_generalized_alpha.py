@@ -9,27 +9,7 @@ import pytest
 import ufl
 from dolfinx import fem
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    MPM,
-    Energy,
-    FiniteElements,
-    Fixed,
-    GeneralizedAlpha,
-    Gravity,
-    Grid,
-    Hencky,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Simulation,
-    Solver,
-    Traction,
-    ViscoelasticBoundary,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.dynamics.motion import Motion
 from mpm_fenicsx.grid import weak_forms
@@ -37,12 +17,12 @@ from mpm_fenicsx.grid import weak_forms
 RADIUS = pytest.mark.parametrize(
     "ρ, w", [(0.0, 0.0), (0.5, 0.0), (0.5, 0.5), (0.8, 0.3), (0.8, 0.8), (1.0, 0.0), (1.0, 1.0)]
 )
-EXACT = Solver(newton=Newton(tolerance=1e-11))
-SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+EXACT = mpm.Solver(newton=mpm.Newton(tolerance=1e-11))
+SOIL = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 LAWS = {
     "elastic": dense.SOIL,
-    "von Mises": VonMises(dense.SOIL, 10e3, 5e3, 1e6),
-    "Hencky": Hencky(20e6, 0.25, 1500.0),
+    "von Mises": mpm.VonMises(dense.SOIL, 10e3, 5e3, 1e6),
+    "Hencky": mpm.Hencky(20e6, 0.25, 1500.0),
 }
 
 
@@ -82,7 +62,7 @@ def test_factors_are_the_definitions(ρ, w):
     """A step of an oscillator by the factors, the balance written over 1 - α_f, equals the
     matrix."""
     dt, ω, ξ, rng = 0.3, 7.0, 0.2, np.random.default_rng(0)
-    step, (x, v, a) = GeneralizedAlpha(dt, ρ, w), rng.normal(size=3)
+    step, (x, v, a) = mpm.GeneralizedAlpha(dt, ρ, w), rng.normal(size=3)
     (c, d), (C, D) = (step.velocity, step.acceleration), step.balanced
     u = -(np.dot(D[1:], (v, a)) + 2 * ξ * ω * np.dot(C[1:], (v, a)) + (1 + step.start) * ω**2 * x)
     u /= D[0] + 2 * ξ * ω * C[0] + ω**2
@@ -93,14 +73,14 @@ def test_factors_are_the_definitions(ρ, w):
 
 def one_element(stepping, load, H=0.5):
     """A cell between rollers, held on its left, with load, dashpot and spring on its right."""
-    grid = Grid.box((0, 0), (H, H), (1, 1))
+    grid = mpm.Grid.box((0, 0), (H, H), (1, 1))
     terms = [
-        Fixed(grid.facets("left"), "x"),
-        Fixed(grid.facets("bottom", "top"), "y"),
-        Traction(grid.facets("right"), lambda t: (load(t), 0.0)),
-        ViscoelasticBoundary(grid.facets("right"), SOIL, 2.0),
+        mpm.Fixed(grid.facets("left"), "x"),
+        mpm.Fixed(grid.facets("bottom", "top"), "y"),
+        mpm.Traction(grid.facets("right"), lambda t: (load(t), 0.0)),
+        mpm.ViscoelasticBoundary(grid.facets("right"), SOIL, 2.0),
     ]
-    run = FiniteElements(grid, SOIL, stepping, terms)
+    run = mpm.FiniteElements(grid, SOIL, stepping, terms)
     mass, (λ, μ) = SOIL.density * H / 3, SOIL.lame
     stiffness = (λ + 2 * μ) / H + 2 * μ / 2.0
     ω = np.sqrt(stiffness / mass)
@@ -120,7 +100,7 @@ def test_one_element_follows_the_matrix_step_by_step(ρ, w, courant):
     def load(t):
         return 1e3 * np.cos(40 * t)
 
-    step = GeneralizedAlpha(courant * 0.5 / SOIL.p_speed, ρ, w)
+    step = mpm.GeneralizedAlpha(courant * 0.5 / SOIL.p_speed, ρ, w)
     run, ω, ξ, mass = one_element(step, load)
     dt, αf, known = step.dt, alphas(ρ, w)[1], np.array([0.0, 0.0, step.dt**2 * load(0.0) / mass])
     A, b = amplification(ω * dt, ρ, w, ξ)
@@ -155,28 +135,28 @@ def test_second_order(ρ, w):
 def test_a_radius_of_one_is_the_trapezoidal_rule():
     """Where forces balance at the start."""
     found = []
-    for stepping in (Newmark(1e-3), GeneralizedAlpha(1e-3, 1.0, 1.0)):
+    for stepping in (mpm.Newmark(1e-3), mpm.GeneralizedAlpha(1e-3, 1.0, 1.0)):
         run, *_ = one_element(stepping, lambda t: 1e3 * np.sin(90 * t))
         for _ in range(100):
             run.step()
         found.append(state(run))
-    assert GeneralizedAlpha(1e-3, 1.0).velocity == Newmark(1e-3).velocity
+    assert mpm.GeneralizedAlpha(1e-3, 1.0).velocity == mpm.Newmark(1e-3).velocity
     np.testing.assert_allclose(found[0], found[1], rtol=1e-10)
 
 
 def test_a_radius_of_one_is_the_trapezoidal_rule_bit_by_bit_with_the_balance_at_the_end():
     """Random points, out of balance at the start."""
     found = []
-    for stepping in (Newmark(1e-3), GeneralizedAlpha(1e-3, 1.0)):
+    for stepping in (mpm.Newmark(1e-3), mpm.GeneralizedAlpha(1e-3, 1.0)):
         body = dense.random_body(dense.uneven(2), np.random.default_rng(6))
-        grid = Grid.box((-1, -1), (2, 2), (9, 9))
-        load = Traction(body.surface("top"), lambda t: (0.0, 1e3 + t))
-        run = Simulation(
+        grid = mpm.Grid.box((-1, -1), (2, 2), (9, 9))
+        load = mpm.Traction(body.surface("top"), lambda t: (0.0, 1e3 + t))
+        run = mpm.Simulation(
             grid,
             body,
             stepping,
-            [load, ViscoelasticBoundary(body.surface("bottom"), SOIL, 3.0)],
-            DM_GC,
+            [load, mpm.ViscoelasticBoundary(body.surface("bottom"), SOIL, 3.0)],
+            mpm.DM_GC,
         )
         run.until(3e-3)
         found.append(np.hstack((body.x, body.velocity, body.acceleration, body.stress)))
@@ -188,9 +168,9 @@ def test_a_radius_of_one_is_the_trapezoidal_rule_bit_by_bit_with_the_balance_at_
 def test_forces_of_finite_elements_balance_inside_the_step(law, ρ, w):
     """A bar under a sudden blow: M [(1 - α_m) a₁ + α_m a₀] + A [(1 - α_f) σ₁ + α_f σ₀] = 0 for one
     element that cannot move sideways; its nominal stress is Cauchy's."""
-    grid = Grid.box((0, 0), (1, 1), (1, 1))
-    fixed = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
-    run = FiniteElements(grid, LAWS[law], GeneralizedAlpha(2e-3, ρ, w), fixed, solver=EXACT)
+    grid = mpm.Grid.box((0, 0), (1, 1), (1, 1))
+    fixed = [mpm.Fixed(grid.facets("left"), "x"), mpm.Fixed(grid.facets("bottom", "top"), "y")]
+    run = mpm.FiniteElements(grid, LAWS[law], mpm.GeneralizedAlpha(2e-3, ρ, w), fixed, solver=EXACT)
     right = grid.space.tabulate_dof_coordinates()[:, 0] > 0.5
     run.motion.nodal(run.motion.v)[right, 0] = -5.0
     mass, before, (αm, αf) = LAWS[law].density / 3, (0.0, 0.0), alphas(ρ, w)
@@ -213,8 +193,8 @@ def test_forces_of_material_points_balance_inside_the_step(law, ρ, w):
     grid, rng = dense.uneven(2), np.random.default_rng(5)
     body = dense.random_body(grid, rng, material=LAWS[law])
     body.stress *= 0.01 if law == "von Mises" else 1.0
-    terms = [Fixed(grid.facets("bottom")), Gravity(lambda t: (3.0 + 4e3 * t, -9.81))]
-    run = Simulation(grid, body, GeneralizedAlpha(1e-3, ρ, w), terms, MPM, EXACT)
+    terms = [mpm.Fixed(grid.facets("bottom")), mpm.Gravity(lambda t: (3.0 + 4e3 * t, -9.81))]
+    run = mpm.Simulation(grid, body, mpm.GeneralizedAlpha(1e-3, ρ, w), terms, mpm.MPM, EXACT)
 
     αm, αf = alphas(ρ, w)
 
@@ -244,16 +224,20 @@ def test_forces_of_material_points_balance_inside_the_step(law, ρ, w):
 
 
 @pytest.mark.parametrize(
-    "stepping", [Newmark(0.05, 0.4, 0.7), GeneralizedAlpha(0.05, 0.3, 0.2)], ids=["γ", "α"]
+    "stepping", [mpm.Newmark(0.05, 0.4, 0.7), mpm.GeneralizedAlpha(0.05, 0.3, 0.2)], ids=["γ", "α"]
 )
-@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_GC], ids=str)
 def test_points_take_the_velocity_of_the_grids_rule(mapping, stepping):
     """A body without stress under gravity that grows: what its points have is what its nodes
     have."""
-    grid = Grid.box((0, 0), (3, 3), (6, 6))
-    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0))
-    factor = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
-    run = Simulation(grid, body, stepping, [Gravity(lambda t: (t, 2.0 * t))], mapping, factor)
+    grid = mpm.Grid.box((0, 0), (3, 3), (6, 6))
+    body = mpm.MaterialPoints.fill(
+        grid, SOIL, 4, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0)
+    )
+    factor = mpm.Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
+    run = mpm.Simulation(
+        grid, body, stepping, [mpm.Gravity(lambda t: (t, 2.0 * t))], mapping, factor
+    )
     for _ in range(10):
         run.step()
         v, a = run.motion.end()
@@ -264,12 +248,14 @@ def test_points_take_the_velocity_of_the_grids_rule(mapping, stepping):
             )
 
 
-@pytest.mark.parametrize("mapping", [MPM, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.MPM, mpm.DM_GC], ids=str)
 def test_a_body_that_falls_from_rest_with_its_acceleration_is_where_it_should_be(mapping):
-    grid, g, dt = Grid.box((0, 0), (3, 3), (6, 6)), np.array([4.0, 2.0]), 0.05
-    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0))
+    grid, g, dt = mpm.Grid.box((0, 0), (3, 3), (6, 6)), np.array([4.0, 2.0]), 0.05
+    body = mpm.MaterialPoints.fill(
+        grid, SOIL, 4, inside=lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0)
+    )
     start, body.acceleration = body.x.copy(), np.tile(g, (len(body), 1))
-    run = Simulation(grid, body, GeneralizedAlpha(dt, 0.4, 0.4), [Gravity(g)], mapping)
+    run = mpm.Simulation(grid, body, mpm.GeneralizedAlpha(dt, 0.4, 0.4), [mpm.Gravity(g)], mapping)
     run.until(8 * dt)
     np.testing.assert_allclose(body.x, start + g * (8 * dt) ** 2 / 2, rtol=1e-8)
 
@@ -279,15 +265,18 @@ def test_a_body_that_falls_from_rest_with_its_acceleration_is_where_it_should_be
 def test_modes_of_a_bar_lose_what_the_matrix_says(ρ, w, k):
     """The slowest and the fastest of 8 cells, Courant 2: modes sin θx, ω² = 6 c² (1 - cos θ)/(2 +
     cos θ)."""
-    grid, dt, steps, θ = Grid.box((0, 0), (8, 1), (8, 1)), 2.0 / SOIL.p_speed, 50, k * np.pi / 8
-    run = FiniteElements(
+    grid, dt, steps, θ = mpm.Grid.box((0, 0), (8, 1), (8, 1)), 2.0 / SOIL.p_speed, 50, k * np.pi / 8
+    run = mpm.FiniteElements(
         grid,
         SOIL,
-        GeneralizedAlpha(dt, ρ, w),
-        [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")],
+        mpm.GeneralizedAlpha(dt, ρ, w),
+        [
+            mpm.Fixed(grid.facets("left", "right"), "x"),
+            mpm.Fixed(grid.facets("bottom", "top"), "y"),
+        ],
     )
     run.motion.nodal(run.motion.v)[:, 0] = np.sin(θ * grid.space.tabulate_dof_coordinates()[:, 0])
-    energy = run.record(Energy())
+    energy = run.record(mpm.Energy())
     run.until(steps * dt)
     Ω = 2.0 * np.sqrt(6 * (1 - np.cos(θ)) / (2 + np.cos(θ)))
     u, v, _ = np.linalg.matrix_power(amplification(Ω, ρ, w)[0], steps) @ [0.0, 1.0, 0.0]
@@ -300,15 +289,18 @@ def test_modes_of_a_bar_lose_what_the_matrix_says(ρ, w, k):
 
 
 def test_newmark_does_not_pay():
-    grid = Grid.box((0, 0), (1, 1), (1, 1))
-    motion = Motion(grid, Newmark(0.1))
+    grid = mpm.Grid.box((0, 0), (1, 1), (1, 1))
+    motion = Motion(grid, mpm.Newmark(0.1))
     assert motion.known(motion.v) is motion.v
-    assert Newmark(0.1).start == 0.0
+    assert mpm.Newmark(0.1).start == 0.0
 
 
 def test_a_part_of_a_step_has_the_same_radius():
-    assert GeneralizedAlpha(0.2, 0.6, 0.1).part(0.5) == GeneralizedAlpha(0.1, 0.6, 0.1)
-    assert replace(GeneralizedAlpha(0.2, 0.6), dt=0.3).gamma == GeneralizedAlpha(1.0, 0.6).gamma
+    assert mpm.GeneralizedAlpha(0.2, 0.6, 0.1).part(0.5) == mpm.GeneralizedAlpha(0.1, 0.6, 0.1)
+    assert (
+        replace(mpm.GeneralizedAlpha(0.2, 0.6), dt=0.3).gamma
+        == mpm.GeneralizedAlpha(1.0, 0.6).gamma
+    )
 
 
 @pytest.mark.parametrize(
@@ -324,15 +316,15 @@ def test_a_part_of_a_step_has_the_same_radius():
 )
 def test_senseless_radii_are_refused(parameters, name):
     with pytest.raises(ValueError, match=name):
-        GeneralizedAlpha(**parameters)
+        mpm.GeneralizedAlpha(**parameters)
 
 
 @pytest.mark.parametrize("surface", ["points", "facets"])
 def test_a_load_that_stays_as_it_is_counts_as_one_that_is_constant(surface):
     found = []
     for held in (False, True):
-        grid = Grid.box((0, 0), (1, 1), (2, 2))
-        body = MaterialPoints.fill(grid, SOIL, 4)
+        grid = mpm.Grid.box((0, 0), (1, 1), (2, 2))
+        body = mpm.MaterialPoints.fill(grid, SOIL, 4)
         on = body.surface("right") if surface == "points" else grid.facets("right")
         load = (-300.0, 0.0)
         if held and surface == "points":
@@ -340,13 +332,13 @@ def test_a_load_that_stays_as_it_is_counts_as_one_that_is_constant(surface):
         elif held:
             load = fem.Function(grid.space)
             load.x.array[:] = np.tile((-300.0, 0.0), grid.nodes)
-        run = Simulation(
+        run = mpm.Simulation(
             grid,
             body,
-            GeneralizedAlpha(1e-3, 0.5, 0.5),
-            [Fixed(grid.facets("left")), Traction(on, load)],
+            mpm.GeneralizedAlpha(1e-3, 0.5, 0.5),
+            [mpm.Fixed(grid.facets("left")), mpm.Traction(on, load)],
         )
-        energy = run.record(Energy())
+        energy = run.record(mpm.Energy())
         run.until(5e-3)
         found.append(np.append(body.velocity.ravel(), energy["work"][-1]))
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9)

@@ -7,23 +7,7 @@ import dense
 import numpy as np
 import pytest
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    MPM,
-    FiniteElements,
-    Fixed,
-    GhostPenalty,
-    Gravity,
-    Grid,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-    Solver,
-    Traction,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 
 SOIL = dense.SOIL
 M = SOIL.density * SOIL.p_speed**2
@@ -32,18 +16,18 @@ DIM = pytest.mark.parametrize("dim", [2, 3])
 DT = 1e-3
 
 
-CURE = (GhostPenalty(),)
+CURE = (mpm.GhostPenalty(),)
 
 
 def block(dim, cut, mapping, stepping, terms=CURE, n=3):
     """A block of n cells each way whose upper corner lies ``cut`` of a cell beyond the grid lines,
     with room around."""
-    grid = Grid.box([-2 * H] * dim, [(n + 3) * H] * dim, [n + 5] * dim)
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box([-2 * H] * dim, [(n + 3) * H] * dim, [n + 5] * dim)
+    body = mpm.MaterialPoints.fill(
         grid, SOIL, 2**dim, inside=lambda x: ((x > 0) & (x < n * H)).all(axis=0)
     )
     body.x += cut * H
-    return Simulation(grid, body, stepping, terms, mapping)
+    return mpm.Simulation(grid, body, stepping, terms, mapping)
 
 
 def ready(run):
@@ -76,12 +60,12 @@ def condition(run):
 
 
 @DIM
-@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.MPM, mpm.GIMP, mpm.DM_GC], ids=str)
 def test_linear_motions_do_not_feel_it_and_momentum_is_kept(dim, mapping):
     rng = np.random.default_rng(0)
     grid = dense.uneven(dim)
     body = dense.random_body(grid, rng, inside=lambda x: x.sum(axis=0) < 0.55 * dim)
-    run = ready(Simulation(grid, body, Newmark(DT), CURE, mapping))
+    run = ready(mpm.Simulation(grid, body, mpm.Newmark(DT), CURE, mapping))
     x = grid.space.tabulate_dof_coordinates()[:, :dim]
     motions = rng.normal(size=(3, *x.shape))
     found = force(run, *motions)
@@ -95,17 +79,17 @@ def test_linear_motions_do_not_feel_it_and_momentum_is_kept(dim, mapping):
 
 
 @DIM
-@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_GC], ids=str)
 def test_a_body_in_free_flight_stays_as_it_is(dim, mapping):
     """It goes from cell to cell; its surface points, under no load, lie a hair outside, in cells
     without material."""
-    run = block(dim, 0.0, mapping, Newmark(DT), n=2)
+    run = block(dim, 0.0, mapping, mpm.Newmark(DT), n=2)
     body = run.bodies[0]
     surface = body.surface("right")
     surface.x[:, 0] += 1e-6 * H
-    factor = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
-    load = Traction(surface, (0.0,) * dim)
-    run = Simulation(run.grid, body, run.stepping, [load, *CURE], mapping, factor)
+    factor = mpm.Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
+    load = mpm.Traction(surface, (0.0,) * dim)
+    run = mpm.Simulation(run.grid, body, run.stepping, [load, *CURE], mapping, factor)
     v = np.array([1.0, 0.17, -0.05])[:dim] * H / DT
     body.velocity[:] = v
     start = body.x.copy()
@@ -117,15 +101,18 @@ def test_a_body_in_free_flight_stays_as_it_is(dim, mapping):
 
 
 def test_where_cells_are_full_and_in_finite_elements_there_is_nothing():
-    whole, bare = (ready(block(2, 0.0, DM_GC, Newmark(DT), terms)) for terms in (CURE, []))
+    whole, bare = (ready(block(2, 0.0, mpm.DM_GC, mpm.Newmark(DT), terms)) for terms in (CURE, []))
     assert np.array_equal(
         dense.dense(whole.equilibrium.matrix), dense.dense(bare.equilibrium.matrix)
     )
     assert bare.motion.region.dS is None
     grid, found = dense.uneven(2), []
     for terms in ([], CURE):
-        run = FiniteElements(
-            grid, SOIL, Newmark(DT), [Fixed(grid.facets("bottom")), Gravity((0.0, -9.81)), *terms]
+        run = mpm.FiniteElements(
+            grid,
+            SOIL,
+            mpm.Newmark(DT),
+            [mpm.Fixed(grid.facets("bottom")), mpm.Gravity((0.0, -9.81)), *terms],
         )
         run.step()
         assert run.motion.region.dS is None
@@ -145,20 +132,20 @@ def jumps(grid, x, d):
 
 
 @DIM
-@pytest.mark.parametrize(("mapping", "dynamic"), [(GIMP, False), (DM_GC, True)])
+@pytest.mark.parametrize(("mapping", "dynamic"), [(mpm.GIMP, False), (mpm.DM_GC, True)])
 def test_it_is_the_sum_over_facets_by_hand(dim, mapping, dynamic):
     """A body fills the first two cells each way of an uneven grid, and 1e-5 of the next.
 
     Cells with 1e-10 and less, over edges and corners, have stiffness only.
     """
     lines = [np.array([0.0, 0.3, 0.8, 1.0])] * dim
-    grid, cut = Grid.rectilinear(lines), 1e-5
-    body = MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: (x < 0.8).all(axis=0))
+    grid, cut = mpm.Grid.rectilinear(lines), 1e-5
+    body = mpm.MaterialPoints.fill(grid, SOIL, 2**dim, inside=lambda x: (x < 0.8).all(axis=0))
     body.x += cut * (body.x > 0.5)
-    stepping, K, G = Newmark(DT) if dynamic else QuasiStatic(1), 0.07, 0.2
+    stepping, K, G = mpm.Newmark(DT) if dynamic else mpm.QuasiStatic(1), 0.07, 0.2
     matrices = [
-        dense.dense(ready(Simulation(grid, body, stepping, terms, mapping)).equilibrium.matrix)
-        for terms in ([GhostPenalty(K, G)], [])
+        dense.dense(ready(mpm.Simulation(grid, body, stepping, terms, mapping)).equilibrium.matrix)
+        for terms in ([mpm.GhostPenalty(K, G)], [])
     ]
     factor = stepping.acceleration[0] if dynamic else 0.0
     low = np.stack(np.meshgrid(*[range(3)] * dim, indexing="ij"), -1).reshape(-1, dim)
@@ -191,12 +178,12 @@ def test_it_is_the_sum_over_facets_by_hand(dim, mapping, dynamic):
 @DIM
 def test_the_matrix_of_a_moving_body_is_that_of_a_new_run(dim):
     """Facets come and go, and with them the matrix's pattern."""
-    run = block(dim, 0.1, DM_GC, Newmark(DT), n=2)
+    run = block(dim, 0.1, mpm.DM_GC, mpm.Newmark(DT), n=2)
     body = run.bodies[0]
     body.velocity[:] = 0.4 * H / DT
     for _ in range(4):
         run.step()
-    fresh = Simulation(run.grid, body, run.stepping, CURE, DM_GC)
+    fresh = mpm.Simulation(run.grid, body, run.stepping, CURE, mpm.DM_GC)
     ready(run), ready(fresh)
     A, B = (r.equilibrium.matrix for r in (run, fresh))
     used = ~fresh.equilibrium.idle
@@ -208,12 +195,12 @@ def test_the_matrix_of_a_moving_body_is_that_of_a_new_run(dim):
 
 
 @pytest.mark.parametrize("courant", [0.05, 0.5])
-@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_GC], ids=str)
 def test_small_corners_stay_with_the_body(mapping, courant):
     """Under a stress set free, the largest acceleration is what the stress gives to half a cell's
     mass or so."""
     for cut in (1e-2, 1e-4, 1e-6, 1e-8):
-        run = ready(block(2, cut, mapping, Newmark(courant * H / SOIL.p_speed)))
+        run = ready(block(2, cut, mapping, mpm.Newmark(courant * H / SOIL.p_speed)))
         assert condition(run) < 40
         run.bodies[0].stress[:, :2] = STRESS
         run.predict()
@@ -222,7 +209,7 @@ def test_small_corners_stay_with_the_body(mapping, courant):
 
 
 def test_without_it_gimp_loses_them():
-    run = ready(block(2, 1e-4, GIMP, Newmark(0.05 * H / SOIL.p_speed), []))
+    run = ready(block(2, 1e-4, mpm.GIMP, mpm.Newmark(0.05 * H / SOIL.p_speed), []))
     run.bodies[0].stress[:, :2] = STRESS
     run.predict()
     run.solve()
@@ -234,17 +221,17 @@ def test_nodes_that_only_a_dashpot_reaches_stay_with_the_body():
     velocity to zero."""
     moved = {}
     for name, terms, hold in (("alone", (), False), ("penalty", CURE, True), ("ties", (), True)):
-        run = block(2, 0.0, DM_GC, Newmark(DT), ())
+        run = block(2, 0.0, mpm.DM_GC, mpm.Newmark(DT), ())
         body = run.bodies[0]
         surface = body.surface("right")
         surface.x[:, 0] += 1e-6 * H
         body.velocity[:, 0] = 1.0
-        run = Simulation(
+        run = mpm.Simulation(
             run.grid,
             body,
             run.stepping,
-            [ViscousBoundary(surface, SOIL), *terms],
-            replace(DM_GC, hold_cut_cells=hold),
+            [mpm.ViscousBoundary(surface, SOIL), *terms],
+            replace(mpm.DM_GC, hold_cut_cells=hold),
         )
         run.step()
         moved[name] = np.abs(run.motion.u.x.array).max()
@@ -265,9 +252,9 @@ def test_nodes_that_only_a_dashpot_reaches_stay_with_the_body():
 )
 def test_what_makes_no_sense_is_refused(given, message):
     with pytest.raises(ValueError, match=message):
-        GhostPenalty(**given)
+        mpm.GhostPenalty(**given)
 
 
 def test_two_of_them_are_refused():
     with pytest.raises(ValueError, match="one term on the facets"):
-        block(2, 0.0, DM_GC, Newmark(DT), [GhostPenalty(), GhostPenalty()])
+        block(2, 0.0, mpm.DM_GC, mpm.Newmark(DT), [mpm.GhostPenalty(), mpm.GhostPenalty()])

@@ -8,42 +8,19 @@ import dense
 import numpy as np
 import pytest
 
-from mpm_fenicsx import (
-    DM_G,
-    GIMP,
-    Checkpoint,
-    Energy,
-    FiniteElements,
-    Fixed,
-    GeneralizedAlpha,
-    Gravity,
-    Grid,
-    Hencky,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Probe,
-    QuasiStatic,
-    Simulation,
-    Snapshots,
-    Solver,
-    Traction,
-    ViscousBoundary,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.grid.cells import SIDES
 from mpm_fenicsx.grid.partition import distribute
 from mpm_fenicsx.response.cell_materials import CellMaterials
 
 LOAD, G = 500.0, 9.81
-STIFFLY = Solver(newton=Newton(tolerance=1e-12))
+STIFFLY = mpm.Solver(newton=mpm.Newton(tolerance=1e-12))
 ENDS = {2: ("bottom", "top"), 3: ("back", "front")}
 BOTH_WAYS = pytest.mark.parametrize("way", ["bodies", "regions"])
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 
 
-def soils(number, contrast, law=LinearElastic):
+def soils(number, contrast, law=mpm.LinearElastic):
     """Materials from the base up, of stiffnesses 1, contrast, 1, …; each with other ν and ρ."""
     return [
         law(20e6 * contrast ** (n % 2), 0.2 + 0.05 * n, 1500.0 + 100.0 * n) for n in range(number)
@@ -64,7 +41,7 @@ class Layers:
         self.edges = np.concatenate(([0.0], np.cumsum(self.thick)))
         share = np.linspace(0.0, 1.0, cells + 1)[1:] ** 1.3
         line = np.concatenate(([0.0], *(a + 0.4 * share for a in self.edges[:-1])))
-        self.grid = Grid.rectilinear(
+        self.grid = mpm.Grid.rectilinear(
             [line if d == self.up else np.array([0.0, 0.3, 0.5]) for d in range(dim)]
         )
         ends = zip(self.edges[:-1], self.edges[1:], strict=True)
@@ -72,7 +49,8 @@ class Layers:
         self.material = list(zip(laws, where, strict=True))
         if way == "bodies":
             self.material = [
-                MaterialPoints.fill(self.grid, law, 2**dim, inside) for law, inside in self.material
+                mpm.MaterialPoints.fill(self.grid, law, 2**dim, inside)
+                for law, inside in self.material
             ]
 
     def surface(self, end):
@@ -83,17 +61,19 @@ class Layers:
         """Smooth walls all around, and a base."""
         sides = {0: ("left", "right"), 1: ("bottom", "top"), 2: ("back", "front")}
         walls = [
-            Fixed(self.grid.facets(*sides[d]), "xyz"[d]) for d in range(self.dim) if d != self.up
+            mpm.Fixed(self.grid.facets(*sides[d]), "xyz"[d])
+            for d in range(self.dim)
+            if d != self.up
         ]
-        return [*walls, Fixed(self.surface(0), "xyz"[self.up])]
+        return [*walls, mpm.Fixed(self.surface(0), "xyz"[self.up])]
 
     def pushed(self, load):
         """A traction on top, ``load`` (Pa) or a function of t."""
         value = load if callable(load) else lambda t: load * t
-        return Traction(self.surface(1), lambda t: -value(t) * np.eye(self.dim)[self.up])
+        return mpm.Traction(self.surface(1), lambda t: -value(t) * np.eye(self.dim)[self.up])
 
     def run(self, stepping, terms, **keywords):
-        return FiniteElements(self.grid, self.material, stepping, terms, **keywords)
+        return mpm.FiniteElements(self.grid, self.material, stepping, terms, **keywords)
 
     def heights(self):
         return self.grid.space.tabulate_dof_coordinates()[:, self.up]
@@ -124,7 +104,7 @@ class Layers:
 def test_layers_under_a_load_bear_it_and_settle_exactly(dim, number, contrast, way):
     """σ = -p in each, u = Σ p h/(λ + 2μ): linear in each layer, which the elements have."""
     layers = Layers(soils(number, contrast), dim, way=way)
-    run = layers.run(QuasiStatic(1), [*layers.rollers(), layers.pushed(LOAD)])
+    run = layers.run(mpm.QuasiStatic(1), [*layers.rollers(), layers.pushed(LOAD)])
     run.step()
     np.testing.assert_allclose(layers.across(run)[0], -LOAD, rtol=1e-8)
     expected = layers.profile(np.array([-LOAD / pressed(law) for law in layers.laws]))
@@ -140,14 +120,14 @@ def test_columns_side_by_side_share_a_uniform_strain(dim, contrast, b_bar):
     layers = Layers(soils(3, contrast), dim, up=0)
     ε, along = -1e-4, dim - 1
     base, top = (layers.grid.facets(name) for name in ENDS[dim])
-    sides = [Fixed(layers.grid.facets("bottom", "top"), "y")] if dim == 3 else []
+    sides = [mpm.Fixed(layers.grid.facets("bottom", "top"), "y")] if dim == 3 else []
     run = layers.run(
-        QuasiStatic(1),
+        mpm.QuasiStatic(1),
         [
-            Fixed(layers.grid.facets("left", "right"), "x"),
+            mpm.Fixed(layers.grid.facets("left", "right"), "x"),
             *sides,
-            Fixed(base, "xyz"[along]),
-            Fixed(top, "xyz"[along], lambda t: ε * 0.5 * t),
+            mpm.Fixed(base, "xyz"[along]),
+            mpm.Fixed(top, "xyz"[along], lambda t: ε * 0.5 * t),
         ],
         b_bar=b_bar,
     )
@@ -176,11 +156,11 @@ def test_the_weight_of_layers_is_that_of_each(dim, way):
     """M u'' = ρ g: nodal u exact in 1D, stress at cell centres, Σ ρ g h at the base."""
     layers = Layers(soils(3, 10.0), dim, way=way)
     gravity = (
-        Gravity(lambda t, x: np.broadcast_to(-G * np.eye(dim)[-1], x.shape))
+        mpm.Gravity(lambda t, x: np.broadcast_to(-G * np.eye(dim)[-1], x.shape))
         if way == "regions"
-        else Gravity(tuple(-G * np.eye(dim)[-1]))
+        else mpm.Gravity(tuple(-G * np.eye(dim)[-1]))
     )
-    run = layers.run(QuasiStatic(1), [*layers.rollers(), gravity])
+    run = layers.run(mpm.QuasiStatic(1), [*layers.rollers(), gravity])
     run.step()
     ρ, M = (
         np.array(v)
@@ -239,16 +219,16 @@ def test_a_distorted_mesh_of_layers_bears_the_load_as_well():
             for i in range(2)
         ]
     )
-    grid = Grid(distribute(MPI.COMM_WORLD, x, cells))
+    grid = mpm.Grid(distribute(MPI.COMM_WORLD, x, cells))
     soft, stiff = soils(2, 50.0)
-    run = FiniteElements(
+    run = mpm.FiniteElements(
         grid,
         [(soft, lambda x: x[1] < 1.0), (stiff, lambda x: x[1] > 1.0)],
-        QuasiStatic(1),
+        mpm.QuasiStatic(1),
         [
-            Fixed(grid.facets("left", "right"), "x"),
-            Fixed(grid.facets("bottom"), "y"),
-            Traction(grid.facets("top"), (0.0, -LOAD)),
+            mpm.Fixed(grid.facets("left", "right"), "x"),
+            mpm.Fixed(grid.facets("bottom"), "y"),
+            mpm.Traction(grid.facets("top"), (0.0, -LOAD)),
         ],
     )
     run.step()
@@ -264,10 +244,10 @@ def test_a_distorted_mesh_of_layers_bears_the_load_as_well():
 
 def reflected(lower, cells):
     """Errors of the stress, of p, in the upper and the lower layer after a pulse has passed."""
-    upper, T = LinearElastic(20e6, 0.25, 1500.0), 0.04
+    upper, T = mpm.LinearElastic(20e6, 0.25, 1500.0), 0.04
     length = 5.0
     h = length / cells
-    grid = Grid.box((0, 0), (h, 2 * length), (1, 2 * cells))
+    grid = mpm.Grid.box((0, 0), (h, 2 * length), (1, 2 * cells))
     c1, c2 = upper.p_speed, lower.p_speed
     Z1, Z2 = 1500.0 * c1, lower.density * c2
     back = (Z2 - Z1) / (Z2 + Z1)
@@ -276,17 +256,17 @@ def reflected(lower, cells):
         return LOAD * np.where((t > 0) & (t < T), np.sin(np.pi * t / T) ** 2, 0.0)
 
     layers = [(upper, lambda x: x[1] > length), (lower, lambda x: x[1] < length)]
-    run = FiniteElements(
+    run = mpm.FiniteElements(
         grid,
         layers,
-        Newmark(0.2 * h / c1),
+        mpm.Newmark(0.2 * h / c1),
         [
-            Fixed(grid.facets("left", "right"), "x"),
-            ViscousBoundary(grid.facets("bottom"), lower),
-            Traction(grid.facets("top"), lambda t: (0.0, -p(t))),
+            mpm.Fixed(grid.facets("left", "right"), "x"),
+            mpm.ViscousBoundary(grid.facets("bottom"), lower),
+            mpm.Traction(grid.facets("top"), lambda t: (0.0, -p(t))),
         ],
     )
-    probes = [run.record(Probe("stress", (h / 2, y))) for y in (length + 1.0, length - 1.0)]
+    probes = [run.record(mpm.Probe("stress", (h / 2, y))) for y in (length + 1.0, length - 1.0)]
     run.until(round(2 * length / c1 / run.stepping.dt) * run.stepping.dt)
     t = probes[0].times
     above = -p(t - 4.0 / c1) - back * p(t - 6.0 / c1)
@@ -299,7 +279,7 @@ def reflected(lower, cells):
 
 @pytest.mark.parametrize(
     "lower",
-    [LinearElastic(180e6, 0.25, 1500.0), LinearElastic(5e6, 0.3, 1200.0)],
+    [mpm.LinearElastic(180e6, 0.25, 1500.0), mpm.LinearElastic(5e6, 0.3, 1200.0)],
     ids=["stiffer", "softer"],
 )
 def test_a_pulse_is_reflected_by_the_impedances(lower):
@@ -318,7 +298,7 @@ def strength(law):
 
 
 def perfect(elastic, cohesion, **more):
-    return VonMises(elastic, peak=cohesion, residual=cohesion, softening=0.0, **more)
+    return mpm.VonMises(elastic, peak=cohesion, residual=cohesion, softening=0.0, **more)
 
 
 @pytest.mark.parametrize("b_bar", [False, True])
@@ -332,7 +312,10 @@ def test_a_layer_that_yields_between_others_flows_alone(dim, b_bar):
     assert limit[0] < 0.5 * limit[1]
     for load in (0.999 * limit[0], 1.5 * limit[0], 1.2 * limit[1]):
         run = layers.run(
-            QuasiStatic(3), [*layers.rollers(), layers.pushed(load)], solver=STIFFLY, b_bar=b_bar
+            mpm.QuasiStatic(3),
+            [*layers.rollers(), layers.pushed(load)],
+            solver=STIFFLY,
+            b_bar=b_bar,
         )
         run.until(1.0)
         stress, of = layers.across(run)
@@ -355,22 +338,22 @@ def test_a_layer_that_yields_between_others_flows_alone(dim, b_bar):
 
 def test_a_law_that_softens_by_its_cell_looks_at_its_own_cells_alone():
     """In large cells it would snap back.  Beyond yield dq = -√3 h dκ and dσ = K dε + ⅔ dq."""
-    law = VonMises(
-        LinearElastic(20e6, 0.3, 1500.0), peak=10e3, residual=1e3, softening=6e6, length=0.1
+    law = mpm.VonMises(
+        mpm.LinearElastic(20e6, 0.3, 1500.0), peak=10e3, residual=1e3, softening=6e6, length=0.1
     )
-    grid = Grid.rectilinear([np.array([0.0, 0.1]), np.array([0.0, 1.0, 1.1, 1.2, 1.3])])
-    below = LinearElastic(50e6, 0.2, 1800.0)
+    grid = mpm.Grid.rectilinear([np.array([0.0, 0.1]), np.array([0.0, 1.0, 1.1, 1.2, 1.3])])
+    below = mpm.LinearElastic(50e6, 0.2, 1800.0)
     with pytest.raises(ValueError, match="where a point snaps back"):
         law.modulus({"size": np.sqrt(0.1)})
     load = 1.05 * strength(law)
-    run = FiniteElements(
+    run = mpm.FiniteElements(
         grid,
         [(below, lambda x: x[1] < 1.0), (law, lambda x: x[1] > 1.0)],
-        QuasiStatic(4),
+        mpm.QuasiStatic(4),
         [
-            Fixed(grid.facets("left", "right"), "x"),
-            Fixed(grid.facets("bottom")),
-            Traction(grid.facets("top"), lambda t: (0.0, -load * t)),
+            mpm.Fixed(grid.facets("left", "right"), "x"),
+            mpm.Fixed(grid.facets("bottom")),
+            mpm.Traction(grid.facets("top"), lambda t: (0.0, -load * t)),
         ],
         solver=STIFFLY,
     )
@@ -401,9 +384,9 @@ def stretched(law, load):
 @BOTH_WAYS
 @DIMS
 def test_hencky_layers_take_their_stretches_beside_one_of_small_strain(dim, way):
-    laws = [*soils(2, 3.0, Hencky), LinearElastic(30e6, 0.3, 1500.0)]
+    laws = [*soils(2, 3.0, mpm.Hencky), mpm.LinearElastic(30e6, 0.3, 1500.0)]
     layers, load = Layers(laws, dim, way=way), 7e6
-    run = layers.run(QuasiStatic(6), [*layers.rollers(), layers.pushed(load)], solver=STIFFLY)
+    run = layers.run(mpm.QuasiStatic(6), [*layers.rollers(), layers.pushed(load)], solver=STIFFLY)
     run.until(1.0)
     λ = np.array([stretched(law, load) for law in laws[:2]])
     assert λ[0] < 0.8
@@ -418,14 +401,16 @@ def test_hencky_layers_take_their_stretches_beside_one_of_small_strain(dim, way)
 def test_finite_plastic_layers_flow_as_each_alone():
     """Uniaxial stress paths are the same in a layer and in a column of it alone."""
     laws = [
-        VonMises(Hencky(20e6, 0.2, 1500.0), 60e3, 60e3, 0.0),
-        Hencky(40e6, 0.3, 1600.0),
-        VonMises(Hencky(30e6, 0.25, 1500.0), 200e3, 100e3, 50e3),
+        mpm.VonMises(mpm.Hencky(20e6, 0.2, 1500.0), 60e3, 60e3, 0.0),
+        mpm.Hencky(40e6, 0.3, 1600.0),
+        mpm.VonMises(mpm.Hencky(30e6, 0.25, 1500.0), 200e3, 100e3, 50e3),
     ]
     moved = []
     for chosen in (laws, *([law] for law in laws)):
         layers = Layers(chosen)
-        run = layers.run(QuasiStatic(10), [*layers.rollers(), layers.pushed(1.5e6)], solver=STIFFLY)
+        run = layers.run(
+            mpm.QuasiStatic(10), [*layers.rollers(), layers.pushed(1.5e6)], solver=STIFFLY
+        )
         run.until(1.0)
         moved.append(layers.moved(run).min())
         if len(chosen) > 1:
@@ -433,25 +418,25 @@ def test_finite_plastic_layers_flow_as_each_alone():
     assert moved[0] == pytest.approx(sum(moved[1:]), rel=1e-9)
 
 
-@pytest.mark.parametrize("law", [LinearElastic, Hencky])
+@pytest.mark.parametrize("law", [mpm.LinearElastic, mpm.Hencky])
 def test_layers_with_forces_balanced_inside_the_step_come_to_rest_exactly(law):
     """Forces at the start of a step count once in every cell, of small or finite strain."""
     laws = [
         *soils(2, 4.0, law),
-        LinearElastic(30e6, 0.3, 1500.0),
+        mpm.LinearElastic(30e6, 0.3, 1500.0),
         perfect(law(20e6, 0.2, 1500.0), 1e7),
     ]
-    laws = laws[:3] if law is Hencky else laws
+    laws = laws[:3] if law is mpm.Hencky else laws
     layers = Layers(laws)
     ρ = 0.5
     run = layers.run(
-        GeneralizedAlpha(0.5, spectral_radius=ρ, start=ρ),
+        mpm.GeneralizedAlpha(0.5, spectral_radius=ρ, start=ρ),
         [*layers.rollers(), layers.pushed(lambda t: 3e5 * min(t, 1.0))],
-        solver=Solver(newton=Newton(tolerance=1e-13)),
+        solver=mpm.Solver(newton=mpm.Newton(tolerance=1e-13)),
     )
     run.until(40.0)
     expected = [
-        stretched(one, 3e5) - 1.0 if isinstance(one, Hencky) else -3e5 / pressed(one)
+        stretched(one, 3e5) - 1.0 if isinstance(one, mpm.Hencky) else -3e5 / pressed(one)
         for one in laws
     ]
     np.testing.assert_allclose(layers.moved(run), layers.profile(np.array(expected)), atol=1e-7)
@@ -463,13 +448,13 @@ def test_layers_with_forces_balanced_inside_the_step_come_to_rest_exactly(law):
 
 def test_equal_materials_are_one_and_cost_what_one_costs():
     soil = dense.SOIL
-    layers = Layers([soil, LinearElastic(soil.young, soil.poisson, soil.density)], way="bodies")
-    terms = [*layers.rollers(), layers.pushed(LOAD), Gravity((0.0, -G))]
+    layers = Layers([soil, mpm.LinearElastic(soil.young, soil.poisson, soil.density)], way="bodies")
+    terms = [*layers.rollers(), layers.pushed(LOAD), mpm.Gravity((0.0, -G))]
     runs = [
-        layers.run(QuasiStatic(1), terms),
-        FiniteElements(layers.grid, soil, QuasiStatic(1), terms),
-        FiniteElements(
-            layers.grid, MaterialPoints.fill(layers.grid, soil, 4), QuasiStatic(1), terms
+        layers.run(mpm.QuasiStatic(1), terms),
+        mpm.FiniteElements(layers.grid, soil, mpm.QuasiStatic(1), terms),
+        mpm.FiniteElements(
+            layers.grid, mpm.MaterialPoints.fill(layers.grid, soil, 4), mpm.QuasiStatic(1), terms
         ),
     ]
     for run in runs:
@@ -480,27 +465,27 @@ def test_equal_materials_are_one_and_cost_what_one_costs():
         assert run.identity() == runs[1].identity()
 
 
-@pytest.mark.parametrize("elastic", [LinearElastic, Hencky])
+@pytest.mark.parametrize("elastic", [mpm.LinearElastic, mpm.Hencky])
 def test_laws_that_differ_by_round_off_are_as_one(elastic):
     """Rows put together by material are those of all at once."""
     kind, other = (
-        VonMises(elastic(20e6, 0.25, 1500.0), peak, 4e3, 50e3)
+        mpm.VonMises(elastic(20e6, 0.25, 1500.0), peak, 4e3, 50e3)
         for peak in (10e3, 10e3 * (1 + 4e-16))
     )
     assert other != kind
     grid, found = dense.uneven(2), []
     for material in (kind, [(kind, lambda x: x[0] < 0.3), (other, lambda x: x[0] > 0.3)]):
-        run = FiniteElements(
+        run = mpm.FiniteElements(
             grid,
             material,
-            Newmark(0.02),
+            mpm.Newmark(0.02),
             [
-                Fixed(grid.facets("bottom")),
-                Traction(grid.facets("top"), lambda t: (2e5 * t, -4e5 * t)),
+                mpm.Fixed(grid.facets("bottom")),
+                mpm.Traction(grid.facets("top"), lambda t: (2e5 * t, -4e5 * t)),
             ],
             solver=STIFFLY,
         )
-        energy = run.record(Energy())
+        energy = run.record(mpm.Energy())
         run.until(0.1)
         found.append(
             (run.displacement.x.array, run.yielding.state, run.yielding.history, energy.values)
@@ -510,31 +495,33 @@ def test_laws_that_differ_by_round_off_are_as_one(elastic):
         np.testing.assert_allclose(several, one, rtol=1e-7, atol=1e-9 * np.abs(one).max())
 
 
-@pytest.mark.parametrize("mapping", [GIMP, DM_G], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_G], ids=str)
 def test_points_and_elements_of_two_layers_agree(mapping):
     """A strip load on a soft layer over a stiff one: nothing but the class is changed."""
-    soft, stiff = LinearElastic(20e6, 0.3, 1500.0), LinearElastic(80e6, 0.2, 1800.0)
+    soft, stiff = mpm.LinearElastic(20e6, 0.3, 1500.0), mpm.LinearElastic(80e6, 0.2, 1800.0)
     for n, near in ((8, 5e-3), (16, 1.5e-3)):
-        grid = Grid.box((0, 0), (1, 1), (n, n), {"strip": lambda x: (x[1] > 0.999) & (x[0] < 0.51)})
+        grid = mpm.Grid.box(
+            (0, 0), (1, 1), (n, n), {"strip": lambda x: (x[1] > 0.999) & (x[0] < 0.51)}
+        )
         bodies = [
-            MaterialPoints.fill(grid, soft, 4, lambda x: x[1] > 0.5),
-            MaterialPoints.fill(grid, stiff, 4, lambda x: x[1] < 0.5),
+            mpm.MaterialPoints.fill(grid, soft, 4, lambda x: x[1] > 0.5),
+            mpm.MaterialPoints.fill(grid, stiff, 4, lambda x: x[1] < 0.5),
         ]
         scene = (
             grid,
             bodies,
-            QuasiStatic(1),
+            mpm.QuasiStatic(1),
             [
-                Fixed(grid.facets("left", "right"), "x"),
-                Fixed(grid.facets("bottom")),
-                Gravity((0.0, -G)),
-                Traction(grid.facets("strip"), (0.0, -1e3)),
+                mpm.Fixed(grid.facets("left", "right"), "x"),
+                mpm.Fixed(grid.facets("bottom")),
+                mpm.Gravity((0.0, -G)),
+                mpm.Traction(grid.facets("strip"), (0.0, -1e3)),
             ],
         )
         found = []
-        for run in (FiniteElements(*scene), Simulation(*scene, mapping)):
-            probes = [run.record(Probe("displacement", (0.25, y))) for y in (0.9, 0.3)]
-            stress = run.record(Probe("stress", (0.25, 0.3)))
+        for run in (mpm.FiniteElements(*scene), mpm.Simulation(*scene, mapping)):
+            probes = [run.record(mpm.Probe("displacement", (0.25, y))) for y in (0.9, 0.3)]
+            stress = run.record(mpm.Probe("stress", (0.25, 0.3)))
             run.step()
             found.append(
                 (np.array([probe.values[-1, 1] for probe in probes]), stress.values[-1, 1])
@@ -547,21 +534,21 @@ def test_points_and_elements_of_two_layers_agree(mapping):
 
 
 def yielding_layers(way="regions", turned=False):
-    laws = [LinearElastic(40e6, 0.2, 1800.0), VonMises(dense.SOIL, 4e3, 2e3, 50e3)]
+    laws = [mpm.LinearElastic(40e6, 0.2, 1800.0), mpm.VonMises(dense.SOIL, 4e3, 2e3, 50e3)]
     layers = Layers(laws[::-1] if turned else laws, way=way)
     return layers, [
-        Fixed(layers.grid.facets("bottom")),
-        Traction(layers.grid.facets("top"), lambda t: (5e3, -1e3 * t / 0.1)),
+        mpm.Fixed(layers.grid.facets("bottom")),
+        mpm.Traction(layers.grid.facets("top"), lambda t: (5e3, -1e3 * t / 0.1)),
     ]
 
 
 def test_a_checkpoint_knows_which_cells_are_of_what(tmp_path):
     layers, terms = yielding_layers()
-    run = layers.run(Newmark(5e-3), terms)
-    run.record(Checkpoint(tmp_path / "state.npz", every=10))
+    run = layers.run(mpm.Newmark(5e-3), terms)
+    run.record(mpm.Checkpoint(tmp_path / "state.npz", every=10))
     run.until(0.05)
     same, terms = yielding_layers("bodies")
-    again = same.run(Newmark(5e-3), terms)
+    again = same.run(mpm.Newmark(5e-3), terms)
     again.restart(tmp_path / "state.npz")
     run.until(0.08)
     again.until(0.08)
@@ -573,34 +560,37 @@ def test_a_checkpoint_knows_which_cells_are_of_what(tmp_path):
         ValueError,
         match=r"material is LinearElastic\(.*\) in 4 cells, VonMises.* and here VonMises",
     ):
-        other.run(Newmark(5e-3), terms).restart(tmp_path / "state.npz")
+        other.run(mpm.Newmark(5e-3), terms).restart(tmp_path / "state.npz")
 
 
 def test_layers_that_have_yielded_go_on_as_they_are():
     """Two halves are the whole, bit for bit: stress, history, elastic stress, motion."""
     layers, _ = yielding_layers("bodies")
-    push = [Fixed(layers.grid.facets("bottom")), Traction(layers.grid.facets("top"), (8e3, -4e3))]
-    whole = layers.run(Newmark(5e-3), push)
+    push = [
+        mpm.Fixed(layers.grid.facets("bottom")),
+        mpm.Traction(layers.grid.facets("top"), (8e3, -4e3)),
+    ]
+    whole = layers.run(mpm.Newmark(5e-3), push)
     whole.until(0.05)
     first = yielding_layers("bodies")[0]
-    half = layers.run(Newmark(5e-3), push)
+    half = layers.run(mpm.Newmark(5e-3), push)
     half.until(0.025)
     for material in (half.material, layers.material, [*layers.material][::-1]):
-        rest = FiniteElements(layers.grid, material, Newmark(5e-3), push, start=half)
+        rest = mpm.FiniteElements(layers.grid, material, mpm.Newmark(5e-3), push, start=half)
         rest.until(0.025)
         assert whole.yielding.history.max() > 1e-4
         for name, value in whole.state().items():
             assert np.array_equal(rest.state()[name], value), name
     with pytest.raises(ValueError, match="same grid, of the same material in every cell"):
-        FiniteElements(layers.grid, dense.SOIL, Newmark(5e-3), push, start=half)
+        mpm.FiniteElements(layers.grid, dense.SOIL, mpm.Newmark(5e-3), push, start=half)
     with pytest.raises(ValueError, match="these materials belong to the cells of another grid"):
-        FiniteElements(first.grid, half.material, Newmark(5e-3), [])
+        mpm.FiniteElements(first.grid, half.material, mpm.Newmark(5e-3), [])
 
 
 def test_snapshots_show_the_materials(tmp_path):
     layers = Layers(soils(2, 3.0))
-    run = layers.run(QuasiStatic(1), layers.rollers())
-    run.record(Snapshots(tmp_path / "layers"))
+    run = layers.run(mpm.QuasiStatic(1), layers.rollers())
+    run.record(mpm.Snapshots(tmp_path / "layers"))
     import meshio
 
     shown = meshio.read(
@@ -616,7 +606,7 @@ A, B = soils(2, 3.0)
 
 
 def fill(grid, law, low, high, **keywords):
-    return MaterialPoints.fill(grid, law, 4, lambda x: (x[1] > low) & (x[1] < high), **keywords)
+    return mpm.MaterialPoints.fill(grid, law, 4, lambda x: (x[1] > low) & (x[1] < high), **keywords)
 
 
 def with_field(body, name, value):
@@ -625,7 +615,7 @@ def with_field(body, name, value):
 
 
 REFUSED = [
-    (lambda g: LinearElastic, "got the class LinearElastic itself: call it with its numbers"),
+    (lambda g: mpm.LinearElastic, "got the class LinearElastic itself: call it with its numbers"),
     (lambda g: "clay", "got 'clay'"),
     (lambda g: None, "got None"),
     (lambda g: [], r"got \[\]"),
@@ -664,7 +654,7 @@ REFUSED = [
     (lambda g: [(A, lambda x: True)], r"where must map \(dim, n\) to \(n,\), gave \(\) for n=16"),
     (
         lambda g: [
-            (Hencky(1e6, 0.2, 1e3), lambda x: x[1] < 0.5),
+            (mpm.Hencky(1e6, 0.2, 1e3), lambda x: x[1] < 0.5),
             (perfect(A, 1e3), lambda x: x[1] > 0.5),
         ],
         "yields at small strain cannot share a run with one of finite strain, got VonMises",
@@ -674,31 +664,33 @@ REFUSED = [
 
 @pytest.mark.parametrize(("make", "message"), REFUSED, ids=range(len(REFUSED)))
 def test_what_is_no_material_of_each_cell_is_refused(make, message):
-    grid = Grid.box((0, 0), (1, 1), (4, 4))
+    grid = mpm.Grid.box((0, 0), (1, 1), (4, 4))
     with pytest.raises(ValueError, match=message) as caught:
-        FiniteElements(grid, make(grid), QuasiStatic(1), [])
+        mpm.FiniteElements(grid, make(grid), mpm.QuasiStatic(1), [])
     assert re.match("material|where|stress", str(caught.value))
 
 
 def test_what_is_doubtful_is_said():
-    grid = Grid.box((0, 0), (1, 1), (4, 4))
+    grid = mpm.Grid.box((0, 0), (1, 1), (4, 4))
     with pytest.warns(
         UserWarning, match=r"edges of regions cut 4 cells, one with its centre at x=\[0.125 0.625\]"
     ):
-        FiniteElements(
-            grid, [(A, lambda x: x[1] < 0.6), (B, lambda x: x[1] >= 0.6)], QuasiStatic(1), []
+        mpm.FiniteElements(
+            grid, [(A, lambda x: x[1] < 0.6), (B, lambda x: x[1] >= 0.6)], mpm.QuasiStatic(1), []
         )
-    by_hand = MaterialPoints(A, fill(grid, A, 0, 1).x, np.full((64, 2), 0.05), np.full(64, 0.01))
+    by_hand = mpm.MaterialPoints(
+        A, fill(grid, A, 0, 1).x, np.full((64, 2), 0.05), np.full(64, 0.01)
+    )
     with pytest.warns(
         UserWarning, match=r"bodies fill 0.64 of cell 0 .* finite elements all of it"
     ):
-        FiniteElements(grid, by_hand, QuasiStatic(1), [])
+        mpm.FiniteElements(grid, by_hand, mpm.QuasiStatic(1), [])
 
 
 def test_jitter_and_domains_across_grid_lines_fill_the_cells_all_the_same():
     grid, rng = dense.uneven(2), np.random.default_rng(3)
     jittered = [
-        MaterialPoints.fill(grid, law, 9, where, jitter=0.4, seed=4)
+        mpm.MaterialPoints.fill(grid, law, 9, where, jitter=0.4, seed=4)
         for law, where in ((A, lambda x: x[0] < 0.3), (B, lambda x: x[0] > 0.3))
     ]
     assert np.bincount(CellMaterials.of(grid, jittered).number).tolist() == [3, 6]

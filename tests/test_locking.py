@@ -10,26 +10,7 @@ import pytest
 import ufl
 from dolfinx import fem
 
-from mpm_fenicsx import (
-    DM,
-    DM_C,
-    DM_G,
-    DM_GC,
-    MAPPINGS,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-    Traction,
-    ViscousBoundary,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.grid import dolfinx_versions, weak_forms
 from mpm_fenicsx.grid.gauss_points import GaussPoints
@@ -37,8 +18,8 @@ from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 from mpm_fenicsx.mapping.shape_functions import Stencil
 from mpm_fenicsx.terms.body import elastic_work
 
-DOUBLE = [m for m in MAPPINGS if m.integrate is DOUBLE_MAPPED]
-AT_POINTS = [m for m in MAPPINGS if m not in DOUBLE]
+DOUBLE = [m for m in mpm.MAPPINGS if m.integrate is DOUBLE_MAPPED]
+AT_POINTS = [m for m in mpm.MAPPINGS if m not in DOUBLE]
 
 
 def random_motion(grid, seed=0):
@@ -59,9 +40,9 @@ def strain_rows(slopes):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_the_form_is_b_bar_by_hand_on_one_cell(dim):
     size = np.array([0.7, 0.4, 1.1])[:dim]
-    grid = Grid.box((0,) * dim, size, (1,) * dim)
-    soil = LinearElastic(young=3e6, poisson=0.49, density=1.0)
-    scene, u = dense.bare_scene(grid, QuasiStatic(1)), ufl.TrialFunction(grid.space)
+    grid = mpm.Grid.box((0,) * dim, size, (1,) * dim)
+    soil = mpm.LinearElastic(young=3e6, poisson=0.49, density=1.0)
+    scene, u = dense.bare_scene(grid, mpm.QuasiStatic(1)), ufl.TrialFunction(grid.space)
     scene.lame, scene.stiffness_dx = soil.lame, scene.dx
     plain = dense.matrix(elastic_work(scene, u, scene.motion.w))
     scene.b_bar = True
@@ -153,8 +134,8 @@ def test_gauss_points_and_material_points_see_the_mean_of_their_cells(dim):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_points_and_gauss_points_agree_on_a_uniform_strain(dim, mapping):
     grid = dense.uneven(dim)
-    body = MaterialPoints.fill(grid, dense.SOIL, 2**dim, jitter=0.4)
-    run = Simulation(grid, body, QuasiStatic(1), [], replace(mapping, b_bar=True))
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 2**dim, jitter=0.4)
+    run = mpm.Simulation(grid, body, mpm.QuasiStatic(1), [], replace(mapping, b_bar=True))
     run.locate()
     g = np.random.default_rng(5).normal(size=(dim, dim)) * 1e-7
     run.motion.u.x.array[:] = dense.at_nodes(grid, lambda x: x @ g.T)
@@ -175,26 +156,30 @@ SIDES = {"left": "x", "right": "x", "back": "z", "front": "z"}
 def oedometer(grid, value):
     """Terms of a block between rollers under a smooth plate."""
     rollers = [
-        Fixed(grid.facets(name), axis)
+        mpm.Fixed(grid.facets(name), axis)
         for name, axis in SIDES.items()
         if grid.dim == 3 or axis == "x"
     ]
-    return [*rollers, Fixed(grid.facets("bottom"), "y"), Fixed(grid.facets("top"), "y", value)]
+    return [
+        *rollers,
+        mpm.Fixed(grid.facets("bottom"), "y"),
+        mpm.Fixed(grid.facets("top"), "y", value),
+    ]
 
 
-@pytest.mark.parametrize("method", ["FE", DM, DM_G, DM_C, DM_GC], ids=str)
+@pytest.mark.parametrize("method", ["FE", mpm.DM, mpm.DM_G, mpm.DM_C, mpm.DM_GC], ids=str)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_a_patch_under_a_moved_plate_strains_evenly(dim, method):
     """And by what was asked for, whatever the steps."""
     grid = dense.uneven(dim)
-    soil = LinearElastic(young=1e7, poisson=0.499, density=1e3)
+    soil = mpm.LinearElastic(young=1e7, poisson=0.499, density=1e3)
     settlement = 1e-7
     terms = oedometer(grid, lambda t: 1.0 - settlement * t**2)
     if method == "FE":
-        run = FiniteElements(grid, soil, QuasiStatic(2), terms, b_bar=True)
+        run = mpm.FiniteElements(grid, soil, mpm.QuasiStatic(2), terms, b_bar=True)
     else:
-        body = MaterialPoints.fill(grid, soil, 2**dim)
-        run = Simulation(grid, body, QuasiStatic(2), terms, replace(method, b_bar=True))
+        body = mpm.MaterialPoints.fill(grid, soil, 2**dim)
+        run = mpm.Simulation(grid, body, mpm.QuasiStatic(2), terms, replace(method, b_bar=True))
     run.until(1.0)
     stress = run.stress(np.arange(grid.cells)) if method == "FE" else body.stress
     strain = np.zeros((1, tensors.components(dim)))
@@ -208,20 +193,20 @@ def test_a_patch_under_a_moved_plate_strains_evenly(dim, method):
 
 
 def test_the_twins_energy_is_balanced():
-    grid, soil = dense.uneven(2), LinearElastic(young=20e6, poisson=0.49, density=1500.0)
-    run = FiniteElements(
+    grid, soil = dense.uneven(2), mpm.LinearElastic(young=20e6, poisson=0.49, density=1500.0)
+    run = mpm.FiniteElements(
         grid,
         soil,
-        Newmark(1e-3),
+        mpm.Newmark(1e-3),
         [
-            Fixed(grid.facets("bottom")),
-            Gravity(lambda t: np.sin(300 * t) * np.array([1.0, 2.0])),
-            Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x),
-            ViscousBoundary(grid.facets("right"), dense.SOFT),
+            mpm.Fixed(grid.facets("bottom")),
+            mpm.Gravity(lambda t: np.sin(300 * t) * np.array([1.0, 2.0])),
+            mpm.Traction(grid.facets("top"), lambda t, x: 1e3 * np.sin(200 * t) * x),
+            mpm.ViscousBoundary(grid.facets("right"), dense.SOFT),
         ],
         b_bar=True,
     )
-    energy = run.record(Energy())
+    energy = run.record(mpm.Energy())
     run.until(0.03)
     assert np.abs(energy.lost).max() < 1e-10 * np.abs(energy["work"]).max()
     assert energy["strain"].max() > 0.1 * energy["work"].max()
@@ -231,29 +216,29 @@ def block_under_strip(method, ν, b_bar, n=16, m=12):
     """Pressure (2 m, 2 n) of points in rows (of Gauss points by halves of cells in finite
     elements), and settlement; symmetric half of an elastic block, strip on top."""
     h = 4.0 / n
-    grid = Grid.box(
+    grid = mpm.Grid.box(
         (0, 0),
         (n * h, m * h),
         (n, m),
         facets={"strip": lambda x: (np.abs(x[1] - m * h) < 1e-9) & (x[0] < 1.25 + 1e-9)},
     )
-    soil = LinearElastic(young=1e7, poisson=ν, density=1e3)
+    soil = mpm.LinearElastic(young=1e7, poisson=ν, density=1e3)
     terms = [
-        Fixed(grid.facets("left", "right"), "x"),
-        Fixed(grid.facets("bottom")),
-        Traction(grid.facets("strip"), (0.0, -10.0)),
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Traction(grid.facets("strip"), (0.0, -10.0)),
     ]
     if method == "FE":
-        run = FiniteElements(grid, soil, QuasiStatic(1), terms, b_bar=b_bar)
+        run = mpm.FiniteElements(grid, soil, mpm.QuasiStatic(1), terms, b_bar=b_bar)
         run.step()
         gauss, centre = GaussPoints(grid, b_bar), 0.5 * (grid.lattice.lower + grid.lattice.upper)
         strain = gauss.strain(run.motion.nodal(run.displacement))
         stress = soil.update(strain, np.zeros_like(strain))
         x = (centre[:, None] + (gauss.digit - 0.5) * h / 2).reshape(-1, 2)
     else:
-        body = MaterialPoints.fill(grid, soil, 4)
+        body = mpm.MaterialPoints.fill(grid, soil, 4)
         x = body.x.copy()
-        run = Simulation(grid, body, QuasiStatic(1), terms, replace(method, b_bar=b_bar))
+        run = mpm.Simulation(grid, body, mpm.QuasiStatic(1), terms, replace(method, b_bar=b_bar))
         run.step()
         stress = body.stress
     row, column = np.rint(x[:, ::-1].T / (h / 2) - 0.5).astype(int)
@@ -277,7 +262,9 @@ def refined():
     return found
 
 
-@pytest.mark.parametrize("method, fall", [("FE", 50), (DM, 50), (DM_G, 50), (DM_GC, 4)], ids=str)
+@pytest.mark.parametrize(
+    "method, fall", [("FE", 50), (mpm.DM, 50), (mpm.DM_G, 50), (mpm.DM_GC, 4)], ids=str
+)
 def test_the_checkerboard_of_pressures_vanishes(refined, method, fall):
     """The composite patch of DM-GC sees little of it; the stiffness that it stands for is in all of
     them."""
@@ -289,7 +276,7 @@ def test_the_checkerboard_of_pressures_vanishes(refined, method, fall):
     assert locked[1] / settlement < 0.7
 
 
-@pytest.mark.parametrize("method", ["FE", DM, DM_G, DM_GC], ids=str)
+@pytest.mark.parametrize("method", ["FE", mpm.DM, mpm.DM_G, mpm.DM_GC], ids=str)
 def test_where_nothing_locks_little_changes(refined, method):
     plain, free = (block_under_strip(method, 0.3, b_bar) for b_bar in (False, True))
     assert free[1] == pytest.approx(plain[1], rel=0.01)
@@ -300,19 +287,19 @@ def test_where_nothing_locks_little_changes(refined, method):
 def test_flow_of_points_is_that_of_finite_elements_in_the_first_step():
     """Full cells without history: the double-mapped law is the law, so is its cure."""
     found = []
-    soil = VonMises(LinearElastic(young=1e7, poisson=0.499, density=1e3), 10.0, 10.0, 0.0)
-    grid = Grid.box(
+    soil = mpm.VonMises(mpm.LinearElastic(young=1e7, poisson=0.499, density=1e3), 10.0, 10.0, 0.0)
+    grid = mpm.Grid.box(
         (0, 0), (2, 1), (8, 4), facets={"strip": lambda x: (x[1] > 1 - 1e-9) & (x[0] < 0.5 + 1e-9)}
     )
     terms = [
-        Fixed(grid.facets("left", "right"), "x"),
-        Fixed(grid.facets("bottom")),
-        Fixed(grid.facets("strip"), "y", lambda t: -4e-6 * t),
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Fixed(grid.facets("strip"), "y", lambda t: -4e-6 * t),
     ]
-    body = MaterialPoints.fill(grid, soil, 4)
+    body = mpm.MaterialPoints.fill(grid, soil, 4)
     for run in (
-        FiniteElements(grid, soil, QuasiStatic(1), terms, b_bar=True),
-        Simulation(grid, body, QuasiStatic(1), terms, replace(DM_G, b_bar=True)),
+        mpm.FiniteElements(grid, soil, mpm.QuasiStatic(1), terms, b_bar=True),
+        mpm.Simulation(grid, body, mpm.QuasiStatic(1), terms, replace(mpm.DM_G, b_bar=True)),
     ):
         run.step()
         assert run.equilibrium.solves > 1
@@ -328,7 +315,7 @@ def test_mappings_that_integrate_at_points_refuse_it_by_name(mapping):
 
 def test_without_it_nothing_of_it_is_there():
     grid = dense.uneven(2)
-    run = Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), QuasiStatic(1), [])
+    run = mpm.Simulation(grid, mpm.MaterialPoints.fill(grid, dense.SOIL, 4), mpm.QuasiStatic(1), [])
     assert run.gauss is None
     assert len(run.equilibrium._tangent) == 1
 
@@ -337,7 +324,7 @@ def test_without_it_nothing_of_it_is_there():
 def test_a_displacement_that_is_no_number_is_refused(value):
     grid = dense.uneven(2)
     with pytest.raises(ValueError, match="value of Fixed"):
-        FiniteElements(grid, dense.SOIL, QuasiStatic(1), oedometer(grid, value))
+        mpm.FiniteElements(grid, dense.SOIL, mpm.QuasiStatic(1), oedometer(grid, value))
 
 
 # -- where it is in doubt --------------------------------------------------------------------------
@@ -346,13 +333,15 @@ def test_a_displacement_that_is_no_number_is_refused(value):
 def heard(body, stepping, material=None):
     """What is said when a run with B-bar is built, of points or, for a material, of finite
     elements."""
-    grid = Grid.box((0.0, 0.0), (2.0, 2.0), (8, 8))
+    grid = mpm.Grid.box((0.0, 0.0), (2.0, 2.0), (8, 8))
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
         if material is not None:
-            FiniteElements(grid, material, stepping, [Fixed(grid.facets("bottom"))], b_bar=True)
+            mpm.FiniteElements(
+                grid, material, stepping, [mpm.Fixed(grid.facets("bottom"))], b_bar=True
+            )
         else:
-            Simulation(grid, body(grid), stepping, [], replace(DM_GC, b_bar=True))
+            mpm.Simulation(grid, body(grid), stepping, [], replace(mpm.DM_GC, b_bar=True))
     said = [w for w in said if "b_bar" in str(w.message)]  # compilers say things, too
     assert all(w.filename == __file__ and w.category is UserWarning for w in said)
     return [str(w.message) for w in said]
@@ -360,7 +349,7 @@ def heard(body, stepping, material=None):
 
 def block(shift=0.0, law=dense.SOIL, jitter=0.3):
     def make(grid):
-        body = MaterialPoints.fill(
+        body = mpm.MaterialPoints.fill(
             grid, law, 4, lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0), jitter=jitter
         )
         body.x += shift
@@ -384,24 +373,24 @@ class Other:
         return getattr(self.law, name)
 
 
-FLOWS, SOFTENS = VonMises(dense.SOIL, 1e4, 1e4, 0.0), VonMises(dense.SOIL, 1e4, 1e3, 1e5)
+FLOWS, SOFTENS = mpm.VonMises(dense.SOIL, 1e4, 1e4, 0.0), mpm.VonMises(dense.SOIL, 1e4, 1e3, 1e5)
 
 
 def test_partly_filled_cells_in_dynamics_are_told():
     """A block off the grid's lines by .15 h, which fills 3 × 3 of 5 × 5 cells, gains energy at
     rest."""
-    (words,) = heard(block(0.15 * 0.25), Newmark(1e-3))
+    (words,) = heard(block(0.15 * 0.25), mpm.Newmark(1e-3))
     assert words.startswith("b_bar in dynamics with 16 partly filled cells: motion grows")
-    assert heard(block(0.15 * 0.25), QuasiStatic(2)) == heard(block(), Newmark(1e-3)) == []
+    assert heard(block(0.15 * 0.25), mpm.QuasiStatic(2)) == heard(block(), mpm.Newmark(1e-3)) == []
 
 
 def test_softening_and_flow_that_changes_volume_are_told():
-    (words,) = heard(block(law=SOFTENS, jitter=0.0), QuasiStatic(2))
+    (words,) = heard(block(law=SOFTENS, jitter=0.0), mpm.QuasiStatic(2))
     assert words.startswith(
         "b_bar with softening = 100000: where a side of the body lies on a grid line"
     )
-    assert heard(block(law=FLOWS, jitter=0.0), QuasiStatic(2)) == []
+    assert heard(block(law=FLOWS, jitter=0.0), mpm.QuasiStatic(2)) == []
     for body, material in ((block(law=Other(FLOWS), jitter=0.0), None), (None, Other(FLOWS))):
-        (words,) = heard(body, QuasiStatic(2), material)
+        (words,) = heard(body, mpm.QuasiStatic(2), material)
         assert words.startswith("b_bar with Other: where flow changes volume")
-    assert heard(None, QuasiStatic(2), SOFTENS) == heard(None, QuasiStatic(2), FLOWS) == []
+    assert heard(None, mpm.QuasiStatic(2), SOFTENS) == heard(None, mpm.QuasiStatic(2), FLOWS) == []

@@ -11,23 +11,7 @@ import pytest
 import ufl
 from plastic import DIRECT, LAW, STIFFLY
 
-from mpm_fenicsx import (
-    DM_GC,
-    MPM,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Probe,
-    QuasiStatic,
-    RunError,
-    Solver,
-    Traction,
-    ViscoelasticBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common.errors import SolverError
 from mpm_fenicsx.grid import weak_forms
 
@@ -75,21 +59,21 @@ def arctan(start):
 
 def test_steps_that_do_not_help_are_halved():
     far = arctan(3.0)
-    Newton(tolerance=1e-10).iterate(far, None)
+    mpm.Newton(tolerance=1e-10).iterate(far, None)
     assert abs(far.u[0]) <= 2e-10
     assert far.evaluations > far.solves + 1
     near = arctan(1.0)
-    Newton(tolerance=1e-10).iterate(near, None)
+    mpm.Newton(tolerance=1e-10).iterate(near, None)
     assert near.evaluations == near.solves + 1
     with pytest.raises(SolverError, match="does not converge"):
-        Newton(tolerance=1e-10, iterations=6, halvings=0).iterate(arctan(3.0), None)
+        mpm.Newton(tolerance=1e-10, iterations=6, halvings=0).iterate(arctan(3.0), None)
 
 
 def test_halving_ends():
     """Uphill there is nothing to find: each step is halved as often as allowed, and no more."""
     uphill = Scalar(lambda u: 1 + u**2, lambda u: -1 - 0 * u, 1.0)
     with pytest.raises(SolverError):
-        Newton(tolerance=1e-10, iterations=3, halvings=4).iterate(uphill, None)
+        mpm.Newton(tolerance=1e-10, iterations=3, halvings=4).iterate(uphill, None)
     assert uphill.solves == 2
     assert uphill.evaluations == 1 + 2 * (1 + 4)
 
@@ -97,10 +81,10 @@ def test_halving_ends():
 def test_the_tolerance_is_relative_to_the_forces():
     for tolerance in (1e-1, 1e-3, 1e-6):
         problem = arctan(1.0)
-        Newton(tolerance=tolerance).iterate(problem, None)
+        mpm.Newton(tolerance=tolerance).iterate(problem, None)
         assert abs(problem.residual(problem.u[0])) <= 2.0 * tolerance
     loose = arctan(0.19)
-    Newton(tolerance=0.1).iterate(loose, None)
+    mpm.Newton(tolerance=0.1).iterate(loose, None)
     assert loose.solves == 0
 
 
@@ -109,17 +93,17 @@ def test_the_tolerance_is_relative_to_the_forces():
 )
 def test_what_is_not_a_number_has_not_converged(spoil):
     with pytest.raises(SolverError):
-        Newton(iterations=4).iterate(Scalar(spoil, lambda u: 1 + 0 * u, 1.0), None)
+        mpm.Newton(iterations=4).iterate(Scalar(spoil, lambda u: 1 + 0 * u, 1.0), None)
 
 
 # -- in runs ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [None, DM_GC], ids=["FE", "DM-GC"])
+@pytest.mark.parametrize("kind", [None, mpm.DM_GC], ids=["FE", "DM-GC"])
 def test_a_run_is_solved_to_its_tolerance(kind):
     solves = []
     for tolerance in (1e-2, 1e-6, 1e-11):
-        run = plastic.prepared(plastic.static(kind, Newton(tolerance=tolerance)))
+        run = plastic.prepared(plastic.static(kind, mpm.Newton(tolerance=tolerance)))
         internal = None
         if run.bodies:
             run.solve()
@@ -134,12 +118,12 @@ def test_a_run_is_solved_to_its_tolerance(kind):
     assert 1 < solves[0] < solves[1] < solves[2]
 
 
-@pytest.mark.parametrize("kind", [MPM, DM_GC], ids=["MPM", "DM-GC"])
+@pytest.mark.parametrize("kind", [mpm.MPM, mpm.DM_GC], ids=["MPM", "DM-GC"])
 def test_an_impact_without_load_or_stress_has_a_scale(kind):
     grid = dense.uneven(2)
-    body = MaterialPoints.fill(grid, LAW, 4, jitter=0.2)
+    body = mpm.MaterialPoints.fill(grid, LAW, 4, jitter=0.2)
     body.velocity = -3.0 * body.x * np.array([0.0, 1.0])
-    run = plastic.run_of(kind, grid, Newmark(1e-3), [Fixed(grid.facets("bottom"))], body)
+    run = plastic.run_of(kind, grid, mpm.Newmark(1e-3), [mpm.Fixed(grid.facets("bottom"))], body)
     run.step()
     assert 1 < run.equilibrium.solves < 8
     assert body.history.max() > 1e-4
@@ -148,7 +132,7 @@ def test_an_impact_without_load_or_stress_has_a_scale(kind):
 def test_the_scale_is_that_of_the_stress_and_not_of_what_elasticity_would_bear():
     """A block of finite elements sheared to twenty-five times its elastic strain."""
     grid = dense.uneven(2)
-    run = FiniteElements(grid, LAW, QuasiStatic(25), [])
+    run = mpm.FiniteElements(grid, LAW, mpm.QuasiStatic(25), [])
     for _ in range(25):
         run.motion.u.x.array[:] = dense.at_nodes(
             grid, lambda x: 1e-3 * x[:, ::-1] * np.array([1.0, 0.0])
@@ -165,9 +149,9 @@ def test_the_scale_is_that_of_the_stress_and_not_of_what_elasticity_would_bear()
     assert run.equilibrium.scale(None) == pytest.approx(exact, rel=1e-9)
 
 
-@pytest.mark.parametrize("kind", [None, MPM, DM_GC], ids=["FE", "MPM", "DM-GC"])
+@pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.DM_GC], ids=["FE", "MPM", "DM-GC"])
 def test_without_a_tolerance_a_step_is_one_solve(kind):
-    run = plastic.static(kind, Newton(tolerance=None), steps=4)
+    run = plastic.static(kind, mpm.Newton(tolerance=None), steps=4)
     for step in range(1, 5):
         run.step()
         assert run.equilibrium.solves == step
@@ -175,10 +159,10 @@ def test_without_a_tolerance_a_step_is_one_solve(kind):
     assert history.max() > 1e-4
 
 
-@pytest.mark.parametrize("kind", [None, DM_GC], ids=["FE", "DM-GC"])
+@pytest.mark.parametrize("kind", [None, mpm.DM_GC], ids=["FE", "DM-GC"])
 def test_a_step_that_fails_says_why_and_leaves_everything_as_it_was(kind):
-    run = plastic.static(kind, Newton(iterations=2, cuts=0), steps=4)
-    probe, energy = run.record(Probe("displacement", (0.5, 0.9))), run.record(Energy())
+    run = plastic.static(kind, mpm.Newton(iterations=2, cuts=0), steps=4)
+    probe, energy = run.record(mpm.Probe("displacement", (0.5, 0.9))), run.record(mpm.Energy())
     message = (
         rf"^{run.name}, step (?P<step>\d), t = 0\.(25|5|75): Newton does not converge, relative "
         r"residuals "
@@ -192,7 +176,7 @@ def test_a_step_that_fails_says_why_and_leaves_everything_as_it_was(kind):
             kept[:] = [a.copy() for a in state(run)]
             run.step()
 
-    with pytest.raises(RunError, match=message) as error:
+    with pytest.raises(mpm.RunError, match=message) as error:
         go_on()
     steps = run.steps
     assert f"step {steps + 1}," in str(error.value)
@@ -221,15 +205,17 @@ def shaken(kind, dt, newton):
     """A dynamic scene with every kind of term."""
     grid = dense.uneven(2)
     terms = [
-        Fixed(grid.facets("bottom")),
-        Gravity(lambda t: (0.0, -300 * t)),
-        Traction(grid.facets("top"), lambda t, x: t * 1e6 * np.array([1.0, -1.0]) * (1 + x[:, :1])),
-        ViscoelasticBoundary(grid.facets("right"), LAW, 2.0),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Gravity(lambda t: (0.0, -300 * t)),
+        mpm.Traction(
+            grid.facets("top"), lambda t, x: t * 1e6 * np.array([1.0, -1.0]) * (1 + x[:, :1])
+        ),
+        mpm.ViscoelasticBoundary(grid.facets("right"), LAW, 2.0),
     ]
-    return plastic.run_of(kind, grid, Newmark(dt), terms, solver=replace(DIRECT, newton=newton))
+    return plastic.run_of(kind, grid, mpm.Newmark(dt), terms, solver=replace(DIRECT, newton=newton))
 
 
-class Impatient(Newton):
+class Impatient(mpm.Newton):
     """Gives up whole steps."""
 
     def iterate(self, equilibrium, internal, first):
@@ -239,12 +225,12 @@ class Impatient(Newton):
         super().iterate(equilibrium, internal, first)
 
 
-@pytest.mark.parametrize("kind", [None, MPM, DM_GC], ids=["FE", "MPM", "DM-GC"])
+@pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.DM_GC], ids=["FE", "MPM", "DM-GC"])
 def test_a_step_that_is_cut_is_two_half_steps(kind):
     whole, halves = shaken(kind, 1e-2, Impatient(tolerance=1e-11)), shaken(kind, 5e-3, STIFFLY)
     found = []
     for run, steps in ((whole, 3), (halves, 6)):
-        recorders = [run.record(r) for r in (Energy(), Probe("displacement", (0.5, 0.9)))]
+        recorders = [run.record(r) for r in (mpm.Energy(), mpm.Probe("displacement", (0.5, 0.9)))]
         for _ in range(steps):
             run.step()
         found.append((run, *recorders))
@@ -255,7 +241,7 @@ def test_a_step_that_is_cut_is_two_half_steps(kind):
     (_, energy, probe), (_, energies, probes) = found
     np.testing.assert_allclose(probe.values, probes.values[::2], rtol=1e-9)
     assert len(energy.times) == 4
-    for name in Energy.USUAL:
+    for name in mpm.Energy.USUAL:
         np.testing.assert_allclose(energy[name], energies[name][::2], rtol=1e-9)
     assert energy["work"][-1] > 0.0
     assert energy["stored"][-1] > 0.0
@@ -265,18 +251,21 @@ def test_a_step_too_large_for_newton_is_cut_until_it_can_be_solved():
     """Three solves do not do for the whole step; they do for parts of it, and those end where small
     steps end."""
     found = []
-    for steps, newton in ((1, Newton(tolerance=1e-4, iterations=3)), (8, Newton(tolerance=1e-4))):
+    for steps, newton in (
+        (1, mpm.Newton(tolerance=1e-4, iterations=3)),
+        (8, mpm.Newton(tolerance=1e-4)),
+    ):
         run = plastic.static(None, newton, steps=steps)
         run.until(1.0)
         found.append(run.displacement.x.array)
-    with pytest.raises(RunError, match="Newton does not converge"):
-        plastic.static(None, Newton(tolerance=1e-4, iterations=3, cuts=0)).step()
+    with pytest.raises(mpm.RunError, match="Newton does not converge"):
+        plastic.static(None, mpm.Newton(tolerance=1e-4, iterations=3, cuts=0)).step()
     np.testing.assert_allclose(found[0], found[1], atol=0.05 * np.abs(found[1]).max())
 
 
 @pytest.mark.parametrize("cuts", [0, 1, 3])
 def test_a_step_is_halved_no_more_often_than_allowed(cuts):
-    class Never(Newton):
+    class Never(mpm.Newton):
         def iterate(self, equilibrium, internal, first):
             """Fail, and note how long the step was."""
             lengths.append(equilibrium.motion.stepping.dt)
@@ -284,7 +273,7 @@ def test_a_step_is_halved_no_more_often_than_allowed(cuts):
 
     lengths = []
     run = shaken(None, 8e-3, Never(cuts=cuts))
-    with pytest.raises(RunError, match=r"FE, step 1, t = 0\.008: no"):
+    with pytest.raises(mpm.RunError, match=r"FE, step 1, t = 0\.008: no"):
         run.step()
     np.testing.assert_allclose(lengths, 8e-3 * 0.5 ** np.arange(cuts + 1))
 
@@ -292,17 +281,17 @@ def test_a_step_is_halved_no_more_often_than_allowed(cuts):
 def test_an_elastic_scene_is_never_cut():
     grid = dense.uneven(2)
     run = plastic.run_of(
-        DM_GC,
+        mpm.DM_GC,
         grid,
-        QuasiStatic(1),
+        mpm.QuasiStatic(1),
         plastic.loads(grid),
         law=dense.SOIL,
-        solver=Solver(petsc={"ksp_type": "cg", "pc_type": "none", "ksp_max_it": 1}),
+        solver=mpm.Solver(petsc={"ksp_type": "cg", "pc_type": "none", "ksp_max_it": 1}),
     )
     tries = []
     solve = run.solve
     run.solve = lambda: (tries.append(1), solve())
-    with pytest.raises(RunError, match="PETSc reason"):
+    with pytest.raises(mpm.RunError, match="PETSc reason"):
         run.step()
     assert len(tries) == 1
 
@@ -322,4 +311,4 @@ def test_an_elastic_scene_is_never_cut():
 )
 def test_refusals(change, message):
     with pytest.raises(ValueError, match=message):
-        Newton(**change)
+        mpm.Newton(**change)

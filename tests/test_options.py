@@ -9,39 +9,28 @@ import plastic
 import pytest
 
 import mpm_fenicsx
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    PAPER,
-    AccelerationCorrection,
-    FiniteElements,
-    InitialAcceleration,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Simulation,
-    Solver,
-    flip,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 
-LUMPED, OFF = AccelerationCorrection.LUMPED, AccelerationCorrection.OFF
-NEWTON, FACTOR = Newton(tolerance=1e-3, cuts=1), {"ksp_type": "preonly", "pc_type": "lu"}
+LUMPED, OFF = mpm.AccelerationCorrection.LUMPED, mpm.AccelerationCorrection.OFF
+NEWTON, FACTOR = mpm.Newton(tolerance=1e-3, cuts=1), {"ksp_type": "preonly", "pc_type": "lu"}
 
 
-def points(law=dense.SOIL, mapping=DM_GC, solver=None, **old):
+def points(law=dense.SOIL, mapping=mpm.DM_GC, solver=None, **old):
     """Points that move at random under gravity and pressure."""
     grid = dense.uneven(2)
-    body = MaterialPoints.fill(grid, law, 4, jitter=0.2)
+    body = mpm.MaterialPoints.fill(grid, law, 4, jitter=0.2)
     body.velocity = np.random.default_rng(1).normal(size=body.x.shape)
     terms = plastic.loads(grid, 10.0)
-    return Simulation(grid, body, Newmark(1e-3), terms, mapping, solver, **old)
+    return mpm.Simulation(grid, body, mpm.Newmark(1e-3), terms, mapping, solver, **old)
 
 
 def elements(law=dense.SOIL, solver=None, **old):
     """Finite elements under the same loads, and more of them."""
     grid = dense.uneven(2)
-    return FiniteElements(grid, law, Newmark(1e-3), plastic.loads(grid, 1e4), solver=solver, **old)
+    return mpm.FiniteElements(
+        grid, law, mpm.Newmark(1e-3), plastic.loads(grid, 1e4), solver=solver, **old
+    )
 
 
 def says(now):
@@ -65,17 +54,25 @@ def same(*runs):
 @pytest.mark.parametrize(
     ("old", "now", "mapping"),
     [
-        ({"sweeps": 2}, "replace(mapping, sweeps=...)", replace(DM_GC, sweeps=2)),
-        ({"transfer": flip}, "replace(mapping, transfer=...)", replace(DM_GC, transfer=flip)),
-        ({"correction": OFF}, "replace(mapping, correction=...)", replace(DM_GC, correction=OFF)),
-        ({"b_bar": True}, "replace(mapping, b_bar=...)", replace(DM_GC, b_bar=True)),
+        ({"sweeps": 2}, "replace(mapping, sweeps=...)", replace(mpm.DM_GC, sweeps=2)),
+        (
+            {"transfer": mpm.flip},
+            "replace(mapping, transfer=...)",
+            replace(mpm.DM_GC, transfer=mpm.flip),
+        ),
+        (
+            {"correction": OFF},
+            "replace(mapping, correction=...)",
+            replace(mpm.DM_GC, correction=OFF),
+        ),
+        ({"b_bar": True}, "replace(mapping, b_bar=...)", replace(mpm.DM_GC, b_bar=True)),
         (
             {"hold_cut_cells": False},
             "replace(mapping, hold_cut_cells=...)",
-            replace(DM_GC, hold_cut_cells=False),
+            replace(mpm.DM_GC, hold_cut_cells=False),
         ),
-        ({"balanced": True}, "replace(mapping, correction=", replace(DM_GC, correction=LUMPED)),
-        ({"balanced": False}, "replace(mapping, correction=", replace(DM_GC, correction=OFF)),
+        ({"balanced": True}, "replace(mapping, correction=", replace(mpm.DM_GC, correction=LUMPED)),
+        ({"balanced": False}, "replace(mapping, correction=", replace(mpm.DM_GC, correction=OFF)),
     ],
     ids=lambda value: next(iter(value)) if isinstance(value, dict) else "",
 )
@@ -83,16 +80,16 @@ def test_what_is_of_the_mapping_now(old, now, mapping):
     with says(f"mapping={now}") as heard:
         before = points(**old)
     assert len(heard) == 1
-    assert before.mapping == mapping != DM_GC and before.solver == Solver()
+    assert before.mapping == mapping != mpm.DM_GC and before.solver == mpm.Solver()
     same(before, points(mapping=mapping))
 
 
 @pytest.mark.parametrize(
     ("old", "now", "solver"),
     [
-        ({"newton": NEWTON}, "Solver(newton=...)", Solver(newton=NEWTON)),
-        ({"newton": None}, "Solver(newton=...)", Solver()),
-        ({"solver": FACTOR}, "Solver(petsc={...})", Solver(petsc=FACTOR)),
+        ({"newton": NEWTON}, "Solver(newton=...)", mpm.Solver(newton=NEWTON)),
+        ({"newton": None}, "Solver(newton=...)", mpm.Solver()),
+        ({"solver": FACTOR}, "Solver(petsc={...})", mpm.Solver(petsc=FACTOR)),
     ],
     ids=["newton", "no newton", "solver"],
 )
@@ -109,18 +106,18 @@ def test_what_is_of_the_solver_now(kind, old, now, solver):
 def test_reuse_is_of_the_solver_now():
     with says("solver=Solver(reuse=...)"):
         before = points(reuse=1e-2)
-    now = points(solver=Solver(reuse=1e-2))
+    now = points(solver=mpm.Solver(reuse=1e-2))
     assert (before.mapping, before.solver) == (now.mapping, now.solver)
     same(before, now)
 
 
 def test_old_arguments_go_with_each_other_and_with_objects():
-    mapping, solver = replace(GIMP, sweeps=3), Solver(petsc=FACTOR)
+    mapping, solver = replace(mpm.GIMP, sweeps=3), mpm.Solver(petsc=FACTOR)
     with pytest.warns(DeprecationWarning) as heard:
-        run = points(plastic.LAW, mapping, solver, transfer=flip, correction=OFF, newton=NEWTON)
+        run = points(plastic.LAW, mapping, solver, transfer=mpm.flip, correction=OFF, newton=NEWTON)
     assert len(heard) == 3
-    assert run.mapping == replace(GIMP, sweeps=3, transfer=flip, correction=OFF)
-    assert run.solver == Solver(newton=NEWTON, petsc=FACTOR)
+    assert run.mapping == replace(mpm.GIMP, sweeps=3, transfer=mpm.flip, correction=OFF)
+    assert run.solver == mpm.Solver(newton=NEWTON, petsc=FACTOR)
 
 
 @pytest.mark.parametrize(
@@ -141,7 +138,7 @@ def test_an_argument_that_there_never_was_is_named():
     with pytest.raises(TypeError, match=r"^Simulation takes no argument sweep; see help\("):
         points(sweep=2)
     with pytest.raises(TypeError, match=r"^FiniteElements takes no argument sweeps, transfer; see"):
-        elements(sweeps=2, transfer=flip)
+        elements(sweeps=2, transfer=mpm.flip)
 
 
 # -- names -----------------------------------------------------------------------------------------
@@ -170,13 +167,13 @@ def test_a_name_that_there_never_was_is_none():
 
 
 def test_the_papers_step_is_a_mapping_and_a_start():
-    paper = replace(DM_GC, mass=DOUBLE_MAPPED)
+    paper = replace(mpm.DM_GC, mass=DOUBLE_MAPPED)
     mapping = replace(paper, sweeps=0, correction=OFF, hold_cut_cells=False)
-    start = {"initial_acceleration": InitialAcceleration.ZERO}
-    assert PAPER == {"mapping": mapping, **start}
+    start = {"initial_acceleration": mpm.InitialAcceleration.ZERO}
+    assert mpm.PAPER == {"mapping": mapping, **start}
     with pytest.warns(DeprecationWarning):
         before = points(mapping=paper, sweeps=0, correction=OFF, hold_cut_cells=False, **start)
-    same(before, points(**PAPER))
+    same(before, points(**mpm.PAPER))
 
 
 @pytest.mark.parametrize(
@@ -192,8 +189,8 @@ def test_the_papers_step_is_a_mapping_and_a_start():
 )
 def test_the_warning_is_of_the_line_that_has_the_old_argument(call):
     """Of any other line Python shows a script no DeprecationWarning."""
-    names = {"grid": dense.uneven(2), "step": Newmark(1e-3)}
-    names["body"] = MaterialPoints.fill(names["grid"], dense.SOIL, 4)
+    names = {"grid": dense.uneven(2), "step": mpm.Newmark(1e-3)}
+    names["body"] = mpm.MaterialPoints.fill(names["grid"], dense.SOIL, 4)
     with pytest.warns(DeprecationWarning) as heard:
         exec(compile(call, "script", "exec"), {**vars(mpm_fenicsx), **names})
     assert heard[0].filename == "script"

@@ -7,19 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_fenicsx import (
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    QuasiStatic,
-    Simulation,
-    SurfacePoints,
-    Traction,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common.random_numbers import uniform
 
-SOIL = LinearElastic(young=5e6, poisson=0.3, density=1800.0)
+SOIL = mpm.LinearElastic(young=5e6, poisson=0.3, density=1800.0)
 few = settings(max_examples=30, deadline=None)
 SIDES = {
     "left": (0, 0),
@@ -50,7 +41,7 @@ def everywhere(gradient, n):
 @pytest.mark.parametrize("k", [1, 2, 3])
 @pytest.mark.parametrize("jitter", [0.0, 0.45])
 def test_volumes_sum_to_the_bodys_cell_by_cell(grid, soil, k, jitter):
-    points = MaterialPoints.fill(grid, soil, k**grid.dim, jitter=jitter, seed=3)
+    points = mpm.MaterialPoints.fill(grid, soil, k**grid.dim, jitter=jitter, seed=3)
     assert len(points) == grid.cells * k**grid.dim and points.dim == grid.dim
     in_cell = np.bincount(grid.find(points.x), points.volume, minlength=grid.cells)
     np.testing.assert_allclose(in_cell, grid.lattice.volume, rtol=1e-12)
@@ -63,9 +54,9 @@ def test_volumes_sum_to_the_bodys_cell_by_cell(grid, soil, k, jitter):
 
 
 def test_jitter_moves_by_less_than_its_share_of_the_spacing_and_repeats(grid, soil):
-    even = MaterialPoints.fill(grid, soil, 2**grid.dim)
+    even = mpm.MaterialPoints.fill(grid, soil, 2**grid.dim)
     moved, again, other = (
-        MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=0.45, seed=s) for s in (5, 5, 6)
+        mpm.MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=0.45, seed=s) for s in (5, 5, 6)
     )
     share = np.abs(moved.x - even.x) / (2 * even.half)
     assert 0.4 < share.max() <= 0.45 and np.array_equal(moved.half, even.half)
@@ -76,7 +67,7 @@ def test_jitter_belongs_to_the_place_and_not_to_its_neighbours(grid, soil):
     """The same point moves alike, whatever else there is."""
 
     def places(inside):
-        body = MaterialPoints.fill(grid, soil, 2**grid.dim, inside, jitter=0.4, seed=5)
+        body = mpm.MaterialPoints.fill(grid, soil, 2**grid.dim, inside, jitter=0.4, seed=5)
         return {tuple(seat): tuple(x) for seat, x in zip(body.seat, body.x, strict=True)}
 
     middle = 0.5 * (grid.lower_corner + grid.upper_corner)[0]
@@ -101,7 +92,7 @@ def test_random_numbers_are_those_of_splitmix64_and_even():
 
 
 def test_given_rows_follow_those_that_are_kept():
-    surface = SurfacePoints(
+    surface = mpm.SurfacePoints(
         np.arange(8.0).reshape(4, 2), np.tile((0.0, 1.0), (4, 1)), np.arange(1.0, 5.0)
     )
     values = np.arange(4.0)
@@ -120,7 +111,9 @@ def test_given_rows_follow_those_that_are_kept():
 
 def test_a_part_of_the_grid_is_filled(grid, soil, hats):
     end = hats.lines[0][2]
-    points = MaterialPoints.fill(grid, soil, 2**grid.dim, inside=lambda x: x[0] < end, jitter=0.45)
+    points = mpm.MaterialPoints.fill(
+        grid, soil, 2**grid.dim, inside=lambda x: x[0] < end, jitter=0.45
+    )
     length = np.array([line[-1] - line[0] for line in hats.lines])
     assert points.volume.sum() == pytest.approx(
         (end - hats.lines[0][0]) * length[1:].prod(), rel=1e-12
@@ -144,12 +137,14 @@ def test_a_part_of_the_grid_is_filled(grid, soil, hats):
 )
 def test_what_fills_nothing_is_refused(soil, changes, words):
     with pytest.raises(ValueError, match=words):
-        MaterialPoints.fill(Grid.box((0, 0), (1, 1), (2, 2)), soil, **{"per_cell": 4, **changes})
+        mpm.MaterialPoints.fill(
+            mpm.Grid.box((0, 0), (1, 1), (2, 2)), soil, **{"per_cell": 4, **changes}
+        )
 
 
 def test_per_cell_in_3d_is_a_cube(soil):
     with pytest.raises(ValueError, match="per_cell must be a cube"):
-        MaterialPoints.fill(Grid.box((0, 0, 0), (1, 1, 1), (1, 1, 1)), soil, 4)
+        mpm.MaterialPoints.fill(mpm.Grid.box((0, 0, 0), (1, 1, 1), (1, 1, 1)), soil, 4)
 
 
 GOOD = {"x": np.zeros((3, 2)), "half": np.ones((3, 2)), "volume": np.ones(3)}
@@ -177,9 +172,9 @@ GOOD = {"x": np.zeros((3, 2)), "half": np.ones((3, 2)), "volume": np.ones(3)}
     ],
 )
 def test_arrays_that_do_not_fit_are_refused_by_name(soil, name, value):
-    MaterialPoints(soil, **GOOD)
+    mpm.MaterialPoints(soil, **GOOD)
     with pytest.raises(ValueError, match=name):
-        MaterialPoints(soil, **{**GOOD, name: value})
+        mpm.MaterialPoints(soil, **{**GOOD, name: value})
 
 
 def test_arrays_given_are_copied(soil):
@@ -188,7 +183,7 @@ def test_arrays_given_are_copied(soil):
         "stress": np.ones((3, 4)),
         "velocity": np.ones((3, 2)),
     }
-    points = MaterialPoints(soil, **given)
+    points = mpm.MaterialPoints(soil, **given)
     assert not any(np.shares_memory(getattr(points, name), value) for name, value in given.items())
 
 
@@ -198,7 +193,7 @@ def test_arrays_given_are_copied(soil):
 @few
 @given(seed=st.integers(0, 10**6))
 def test_an_affine_motion_scales_volumes_by_its_determinant(grid, soil, seed):
-    points = MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=0.45)
+    points = mpm.MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=0.45)
     x, volume, half = points.x.copy(), points.volume.copy(), points.half.copy()
     H = affine(grid.dim, seed)
     points.deform(x @ H.T, *points.stretches(everywhere(H, len(x)), everywhere(H, len(x))))
@@ -230,7 +225,7 @@ def test_a_point_that_turns_inside_out_is_refused_by_number(grid, points, bad, w
 
 @pytest.mark.parametrize("jitter", [0.0, 0.45])
 def test_sides_have_their_areas_normals_and_places(grid, soil, hats, jitter):
-    points = MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=jitter)
+    points = mpm.MaterialPoints.fill(grid, soil, 2**grid.dim, jitter=jitter)
     length = np.array([line[-1] - line[0] for line in hats.lines])
     for side in sides(grid.dim):
         d, end = SIDES[side]
@@ -243,7 +238,7 @@ def test_sides_have_their_areas_normals_and_places(grid, soil, hats, jitter):
 
 
 def test_surface_integrals_of_cubics_are_exact(grid, soil, hats):
-    surface = MaterialPoints.fill(grid, soil, 2**grid.dim).surface("left")
+    surface = mpm.MaterialPoints.fill(grid, soil, 2**grid.dim).surface("left")
     total = (surface.area * surface.x[:, 1] ** 3).sum()
     y = hats.lines[1]
     rest = np.prod([line[-1] - line[0] for line in hats.lines[2:]])
@@ -256,7 +251,7 @@ def test_a_surface_is_closed_about_any_body(grid, soil, seed, k):
     """Σ n A = 0 and Σ x·n A = dim V for bodies with holes, steps and corners, in cells of unlike
     sizes."""
     rng = np.random.default_rng(seed)
-    points = MaterialPoints.fill(
+    points = mpm.MaterialPoints.fill(
         grid, soil, k**grid.dim, inside=lambda x: rng.random(x.shape[1]) < 0.7
     )
     enclosed(points)
@@ -272,11 +267,11 @@ def enclosed(points):
 @pytest.mark.parametrize("k", [1, 2])
 def test_a_surface_is_closed_where_a_cell_is_far_narrower_than_the_next(soil, k):
     lines = [np.array([0.0, 1.0, 1.1]), np.array([2.0, 2.05, 3.0])]
-    enclosed(MaterialPoints.fill(Grid.rectilinear(lines), soil, k**2))
+    enclosed(mpm.MaterialPoints.fill(mpm.Grid.rectilinear(lines), soil, k**2))
 
 
 def test_a_surface_is_closed_on_a_grid_with_an_inward_corner(soil, l_shape):
-    points = MaterialPoints.fill(l_shape, soil, 4)
+    points = mpm.MaterialPoints.fill(l_shape, soil, 4)
     enclosed(points)
     assert points.surface("top").area.sum() == pytest.approx(3.0, rel=1e-13)
     assert points.surface("right").area.sum() == pytest.approx(2.0, rel=1e-13)
@@ -284,15 +279,15 @@ def test_a_surface_is_closed_on_a_grid_with_an_inward_corner(soil, l_shape):
 
 @pytest.mark.parametrize("jitter", [0.0, 0.45])
 def test_part_of_a_side(soil, jitter):
-    grid = Grid.box((2.0, -1.0), (6.0, 1.0), (4, 2))
-    points = MaterialPoints.fill(grid, soil, 4, jitter=jitter)
+    grid = mpm.Grid.box((2.0, -1.0), (6.0, 1.0), (4, 2))
+    points = mpm.MaterialPoints.fill(grid, soil, 4, jitter=jitter)
     footing = points.surface("top", where=lambda x: x[0] < 3.0)
     assert footing.area.sum() == pytest.approx(1.0, rel=1e-13)
     assert (footing.x[:, 0] < 3.0).all()
 
 
 def test_one_surface_of_two_sides_is_both(soil):
-    points = MaterialPoints.fill(Grid.box((0, 0), (2, 1), (4, 3)), soil, 4)
+    points = mpm.MaterialPoints.fill(mpm.Grid.box((0, 0), (2, 1), (4, 3)), soil, 4)
     both, parts = points.surface("left", "top"), (points.surface("left"), points.surface("top"))
     for name in ("x", "normal", "area"):
         np.testing.assert_array_equal(
@@ -306,8 +301,8 @@ def test_sides_of_no_body_are_refused(points, soil):
     with pytest.raises(ValueError, match="side must be one of left, right"):
         points.surface("north")
     with pytest.raises(ValueError, match="made by fill"):
-        MaterialPoints(soil, **GOOD).surface("top")
-    flat = MaterialPoints.fill(Grid.box((0, 0), (1, 1), (2, 2)), soil, 4)
+        mpm.MaterialPoints(soil, **GOOD).surface("top")
+    flat = mpm.MaterialPoints.fill(mpm.Grid.box((0, 0), (1, 1), (2, 2)), soil, 4)
     with pytest.raises(
         ValueError, match="side must be one of left, right, bottom, top, got 'front'"
     ):
@@ -319,7 +314,7 @@ def test_sides_of_no_body_are_refused(points, soil):
 def test_surface_points_follow_an_affine_motion_as_nanson_says(grid, soil, seed):
     """n a = J F⁻ᵀ N A; the moved surface is closed, and holds the moved volume."""
     dim = grid.dim
-    points = MaterialPoints.fill(grid, soil, 2**dim)
+    points = mpm.MaterialPoints.fill(grid, soil, 2**dim)
     H = affine(dim, seed)
     F = np.eye(dim) + H
     faces = [points.surface(side) for side in sides(dim)]
@@ -338,7 +333,7 @@ def test_surface_points_follow_an_affine_motion_as_nanson_says(grid, soil, seed)
 
 
 def test_two_steps_of_a_surface_are_one(grid, soil):
-    surface, once = (MaterialPoints.fill(grid, soil, 1).surface("top") for _ in range(2))
+    surface, once = (mpm.MaterialPoints.fill(grid, soil, 1).surface("top") for _ in range(2))
     x, A, B = surface.x.copy(), affine(grid.dim, 1), affine(grid.dim, 2)
     surface.follow(x @ A.T, everywhere(A, len(x)))
     surface.follow(surface.x @ B.T, everywhere(B, len(x)))
@@ -362,7 +357,7 @@ def test_two_steps_of_a_surface_are_one(grid, soil):
 )
 def test_surface_points_that_make_no_sense_are_refused(x, normal, area, words):
     with pytest.raises(ValueError, match=words):
-        SurfacePoints(x, np.array(normal, float), area)
+        mpm.SurfacePoints(x, np.array(normal, float), area)
 
 
 @pytest.mark.parametrize(("per_cell", "low", "high"), [(4, 0.06, 0.10), (16, 0.015, 0.04)])
@@ -370,11 +365,17 @@ def test_jitter_costs_what_fill_says(per_cell, low, high):
     """A block on rollers under 500 Pa: 6 to 10 % off with 4 points a cell, 2 to 4 % with 16, on
     either grid."""
     for n in (4, 8):
-        grid = Grid.box((0.0, 0.0), (1.0, 1.0), (n, n))
-        body = MaterialPoints.fill(grid, SOIL, per_cell, jitter=0.3)
-        rollers = Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")
-        run = Simulation(
-            grid, body, QuasiStatic(1), [*rollers, Traction(grid.facets("top"), (0.0, -500.0))]
+        grid = mpm.Grid.box((0.0, 0.0), (1.0, 1.0), (n, n))
+        body = mpm.MaterialPoints.fill(grid, SOIL, per_cell, jitter=0.3)
+        rollers = (
+            mpm.Fixed(grid.facets("left", "right"), "x"),
+            mpm.Fixed(grid.facets("bottom"), "y"),
+        )
+        run = mpm.Simulation(
+            grid,
+            body,
+            mpm.QuasiStatic(1),
+            [*rollers, mpm.Traction(grid.facets("top"), (0.0, -500.0))],
         )
         run.step()
         run.settle()
@@ -385,8 +386,8 @@ def test_jitter_costs_what_fill_says(per_cell, low, high):
 
 
 def on_a_fine_grid(dim, inside):
-    grid = Grid.box((0.0,) * dim, (2.0, 2.0, 0.5)[:dim], (16, 16, 4)[:dim])
-    return MaterialPoints.fill(grid, SOIL, 2**dim, inside, jitter=0.2)
+    grid = mpm.Grid.box((0.0,) * dim, (2.0, 2.0, 0.5)[:dim], (16, 16, 4)[:dim])
+    return mpm.MaterialPoints.fill(grid, SOIL, 2**dim, inside, jitter=0.2)
 
 
 def below(angle, top=1.0):
@@ -455,8 +456,8 @@ def test_blocks_and_large_steps_are_not(dim, name):
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 def test_a_ball_is_told_from_every_side(axis):
-    grid = Grid.box((0.0,) * 3, (2.0,) * 3, (8,) * 3)
-    ball = MaterialPoints.fill(grid, SOIL, 8, lambda x: np.linalg.norm(x - 1.0, axis=0) < 0.8)
+    grid = mpm.Grid.box((0.0,) * 3, (2.0,) * 3, (8,) * 3)
+    ball = mpm.MaterialPoints.fill(grid, SOIL, 8, lambda x: np.linalg.norm(x - 1.0, axis=0) < 0.8)
     for side in list(SIDES)[2 * axis : 2 * axis + 2]:
         with pytest.warns(UserWarning, match=f"surface: {side} is a staircase of"):
             ball.surface(side)

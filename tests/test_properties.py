@@ -27,22 +27,7 @@ from strewn import (
     turned_stress,
 )
 
-from mpm_fenicsx import (
-    DM_GCL,
-    GIMP,
-    MAPPINGS,
-    MPM,
-    Gravity,
-    Hencky,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Simulation,
-    Solver,
-    VonMises,
-    flip,
-    trapezoidal,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.grid import weak_forms
 from mpm_fenicsx.mapping.composite_patches import Composite
@@ -51,10 +36,12 @@ from mpm_fenicsx.mapping.shape_functions import Stencil
 from mpm_fenicsx.materials.kinematics import FINITE_STRAIN
 
 WHOLE = [Phase.explicit, Phase.reuse, Phase.generate]
-EXACT = Solver(newton=Newton(tolerance=1e-13), petsc={"ksp_type": "preonly", "pc_type": "lu"})
-RUBBER = Hencky(young=20e6, poisson=0.25, density=1500.0)
+EXACT = mpm.Solver(
+    newton=mpm.Newton(tolerance=1e-13), petsc={"ksp_type": "preonly", "pc_type": "lu"}
+)
+RUBBER = mpm.Hencky(young=20e6, poisson=0.25, density=1500.0)
 DIMS = pytest.mark.parametrize("dim", [2, 3], ids=["2D", "3D"])
-ALL = (*MAPPINGS, DM_GCL)
+ALL = (*mpm.MAPPINGS, mpm.DM_GCL)
 METHODS = pytest.mark.parametrize("mapping", ALL, ids=str)
 LAWS = pytest.mark.parametrize("law", [SOIL, RUBBER], ids=["small strain", "Hencky"])
 
@@ -113,13 +100,17 @@ def test_weights_are_complete(dim, data):
 
 @DIMS
 @few(20)
-@given(data=st.data(), mapping=st.sampled_from([MPM, GIMP, DM_GCL]), seed=st.integers(0, 10**6))
+@given(
+    data=st.data(),
+    mapping=st.sampled_from([mpm.MPM, mpm.GIMP, mpm.DM_GCL]),
+    seed=st.integers(0, 10**6),
+)
 def test_internal_force_has_no_sum_and_its_virial_is_the_stress(dim, data, mapping, seed):
     """Σ f_i = 0 and Σ f_i ⊗ x_i symmetric, Σ V σ where stress is constant over a domain: no moment
     on a free body."""
     lines = data.draw(lines_of(dim))
     body, (far, h) = strewn_body(data.draw, lines, np.random.default_rng(seed)), size_of(lines)
-    run = Simulation(grid_of(lines), body, Newmark(1e-3), [], mapping)
+    run = mpm.Simulation(grid_of(lines), body, mpm.Newmark(1e-3), [], mapping)
     run.prepare(0.0, 1e-3)
     f = run._internal_force().reshape(-1, dim)
     work = body.volume[:, None, None] * tensors.matrix(body.stress, dim)
@@ -180,7 +171,7 @@ def test_the_deposit_gives_the_grid_the_momentum_of_the_points(dim, data, mappin
     lines = data.draw(lines_of(dim))
     body = strewn_body(data.draw, lines, np.random.default_rng(seed))
     mapping = replace(mapping, sweeps=sweeps, hold_cut_cells=False)
-    run = Simulation(grid_of(lines), body, Newmark(1e-3), [], mapping)
+    run = mpm.Simulation(grid_of(lines), body, mpm.Newmark(1e-3), [], mapping)
     run.prepare(0.0, 1e-3)
     run.predict()
     for field, values in ((run.motion.v, body.velocity), (run.motion.a, body.acceleration)):
@@ -196,14 +187,14 @@ def test_the_deposit_gives_the_grid_the_momentum_of_the_points(dim, data, mappin
 
 def stepped(lines, body, gravity, mapping):
     """A copy of the body after a step at a Courant number of about one half."""
-    fresh = MaterialPoints(
+    fresh = mpm.MaterialPoints(
         body.material, body.x, body.half, body.volume, body.stress, body.velocity, body.acceleration
     )
-    run = Simulation(
+    run = mpm.Simulation(
         grid_of(lines),
         fresh,
-        Newmark(2e-3),
-        [Gravity(tuple(gravity))],
+        mpm.Newmark(2e-3),
+        [mpm.Gravity(tuple(gravity))],
         mapping,
         EXACT,
     )
@@ -220,7 +211,7 @@ def test_a_step_keeps_the_momentum_of_a_free_body(dim, mapping, seed):
     rng = np.random.default_rng(seed)
     lines, body, _ = scene(dim, (SOIL, RUBBER)[rng.integers(2)], rng, on_lines=True)
     mapping = replace(
-        mapping, sweeps=rng.integers(4), transfer=(trapezoidal, flip)[rng.integers(2)]
+        mapping, sweeps=rng.integers(4), transfer=(mpm.trapezoidal, mpm.flip)[rng.integers(2)]
     )
     after = stepped(lines, body, np.zeros(dim), mapping)
     change = body.mass @ (after.velocity - body.velocity - 1e-3 * body.acceleration)
@@ -302,7 +293,7 @@ def test_stress_turns_with_the_frame(dim, yields, elastic, seed, mirrored):
     """After Q F Rᵀ, from R σ Rᵀ, the stress is that of F from σ turned by Q: finite strain is
     objective, whatever Q, and all laws are isotropic, R = Q."""
     rng = np.random.default_rng(seed)
-    law = VonMises(elastic, peak=300e3, residual=100e3, softening=800e3) if yields else elastic
+    law = mpm.VonMises(elastic, peak=300e3, residual=100e3, softening=800e3) if yields else elastic
     R, Q = (dense.rotation(rng, dim) for _ in range(2))
     if mirrored:
         R[0], Q[0] = -R[0], -Q[0]
@@ -312,9 +303,9 @@ def test_stress_turns_with_the_frame(dim, yields, elastic, seed, mirrored):
     F = np.eye(dim) + np.geomspace(1e-4, 0.3, n)[:, None, None] * rng.uniform(
         -0.9, 0.9, (n, dim, dim)
     )
-    here = MaterialPoints(law, np.zeros((n, dim)), np.ones((n, dim)), rng.uniform(0.8, 1.2, n))
+    here = mpm.MaterialPoints(law, np.zeros((n, dim)), np.ones((n, dim)), rng.uniform(0.8, 1.2, n))
     here.stress[:] = 1e5 * rng.normal(size=here.stress.shape)
-    there = MaterialPoints(law, here.x, here.half, here.volume, turned_stress(here.stress, R))
+    there = mpm.MaterialPoints(law, here.x, here.half, here.volume, turned_stress(here.stress, R))
     for body, f in ((here, F), (there, Q @ F @ R.T)):
         law.kinematics.respond(body, f - np.eye(dim))
     np.testing.assert_allclose(

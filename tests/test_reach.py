@@ -9,37 +9,21 @@ import dense
 import pytest
 from test_ranks import environment, mpiexec
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    MPM,
-    DeadLoad,
-    FiniteElements,
-    Fixed,
-    Grid,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-    SurfacePoints,
-    Traction,
-    ViscoelasticBoundary,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.mapping.shape_functions import Stencil
 from mpm_fenicsx.terms.reach import check_reach, partly_filled
 
-STEPPINGS = {"dynamic": Newmark(1e-3), "static": QuasiStatic(2)}
+STEPPINGS = {"dynamic": mpm.Newmark(1e-3), "static": mpm.QuasiStatic(2)}
 
 
 def grid_of(dim):
     """From -1 to 2 in x, to 2 in height, in cells of a quarter."""
-    return Grid.box((-1.0, 0.0, 0.0)[:dim], (2.0, 2.0, 0.5)[:dim], (12, 8, 2)[:dim])
+    return mpm.Grid.box((-1.0, 0.0, 0.0)[:dim], (2.0, 2.0, 0.5)[:dim], (12, 8, 2)[:dim])
 
 
 def column(grid, **keywords):
     """A body of a metre by a metre, with a metre of empty grid at its sides and above."""
-    return MaterialPoints.fill(
+    return mpm.MaterialPoints.fill(
         grid,
         dense.SOIL,
         2**grid.dim,
@@ -48,7 +32,7 @@ def column(grid, **keywords):
     )
 
 
-def look(grid, terms, stepping=STEPPINGS["dynamic"], mapping=DM_GC, body=None):
+def look(grid, terms, stepping=STEPPINGS["dynamic"], mapping=mpm.DM_GC, body=None):
     """What a Simulation does when it is built, without compiling anything."""
     body = column(grid) if body is None else body
     scene = dense.bare_scene(grid, stepping)
@@ -57,19 +41,19 @@ def look(grid, terms, stepping=STEPPINGS["dynamic"], mapping=DM_GC, body=None):
 
 
 LOADS = {
-    "Traction": lambda on: Traction(on, (0.0, -1.0, 0.0)[: dim_of(on)]),
-    "DeadLoad": lambda on: DeadLoad(on, (0.0, -1.0, 0.0)[: dim_of(on)]),
-    "ViscousBoundary": lambda on: ViscousBoundary(on, dense.SOIL),
-    "ViscoelasticBoundary": lambda on: ViscoelasticBoundary(on, dense.SOIL, 3.0),
+    "Traction": lambda on: mpm.Traction(on, (0.0, -1.0, 0.0)[: dim_of(on)]),
+    "DeadLoad": lambda on: mpm.DeadLoad(on, (0.0, -1.0, 0.0)[: dim_of(on)]),
+    "ViscousBoundary": lambda on: mpm.ViscousBoundary(on, dense.SOIL),
+    "ViscoelasticBoundary": lambda on: mpm.ViscoelasticBoundary(on, dense.SOIL, 3.0),
 }
 
 
 def dim_of(on):
-    return on.x.shape[1] if isinstance(on, SurfacePoints) else on.grid.dim
+    return on.x.shape[1] if isinstance(on, mpm.SurfacePoints) else on.grid.dim
 
 
 def above(height, dim=2):
-    return SurfacePoints([[0.5, height, 0.2][:dim]], [[0.0, 1.0, 0.0][:dim]], [2.0])
+    return mpm.SurfacePoints([[0.5, height, 0.2][:dim]], [[0.0, 1.0, 0.0][:dim]], [2.0])
 
 
 @pytest.mark.parametrize("dim", [2, 3])
@@ -107,14 +91,14 @@ def test_what_is_lost_of_an_area_is_told(dim, name):
 
 
 @pytest.mark.parametrize("dim", [2, 3])
-@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.MPM, mpm.GIMP, mpm.DM_GC], ids=str)
 def test_what_acts_on_the_bodys_own_surface_is_never_in_doubt(dim, mapping):
     """Wherever the body lies, with jitter too, and where it fills the grid."""
     grid = grid_of(dim)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         for shift, jitter in ((0.0, 0.0), (0.07, 0.0), (0.0, 0.4)):
-            body = MaterialPoints.fill(
+            body = mpm.MaterialPoints.fill(
                 grid,
                 dense.SOIL,
                 2**dim,
@@ -123,11 +107,11 @@ def test_what_acts_on_the_bodys_own_surface_is_never_in_doubt(dim, mapping):
             )
             look(
                 grid,
-                [ViscousBoundary(body.surface("left", "top"), dense.SOIL)],
+                [mpm.ViscousBoundary(body.surface("left", "top"), dense.SOIL)],
                 mapping=mapping,
                 body=body,
             )
-        whole = MaterialPoints.fill(grid, dense.SOIL, 2**dim)
+        whole = mpm.MaterialPoints.fill(grid, dense.SOIL, 2**dim)
         look(
             grid,
             [load(grid.facets("left", "top")) for load in LOADS.values()],
@@ -140,18 +124,18 @@ def test_in_finite_elements_all_of_the_grid_is_material():
     grid = grid_of(2)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        FiniteElements(
+        mpm.FiniteElements(
             grid,
             dense.SOIL,
-            Newmark(1e-3),
-            [Traction(grid.facets("left"), (0.0, -1.0)), Traction(above(1.6), (0.0, -1.0))],
+            mpm.Newmark(1e-3),
+            [mpm.Traction(grid.facets("left"), (0.0, -1.0)), mpm.Traction(above(1.6), (0.0, -1.0))],
         )
 
 
 @pytest.mark.parametrize("stepping", STEPPINGS)
 def test_rollers_on_the_sides_of_a_grid_that_is_wider_than_the_body_are_heard(stepping):
     grid = grid_of(2)
-    rollers, stepping = Fixed(grid.facets("left", "right"), "x"), STEPPINGS[stepping]
+    rollers, stepping = mpm.Fixed(grid.facets("left", "right"), "x"), STEPPINGS[stepping]
     if stepping.dynamic:  # a body may come
         with pytest.warns(
             UserWarning,
@@ -167,7 +151,7 @@ def test_rollers_on_the_sides_of_a_grid_that_is_wider_than_the_body_are_heard(st
     with pytest.warns(
         UserWarning, match="Fixed acts on the facets left, where there is no material at the start"
     ):
-        look(grid, [Fixed(grid.facets("bottom", "left"))], stepping)
+        look(grid, [mpm.Fixed(grid.facets("bottom", "left"))], stepping)
 
 
 @pytest.mark.parametrize("stepping", STEPPINGS)
@@ -175,15 +159,15 @@ def test_a_floor_wider_than_the_body_is_no_mistake(stepping):
     grid = grid_of(2)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        look(grid, [Fixed(grid.facets("bottom"))], STEPPINGS[stepping])
+        look(grid, [mpm.Fixed(grid.facets("bottom"))], STEPPINGS[stepping])
 
 
 def test_a_run_looks_and_its_warning_names_the_line_of_the_script():
     grid = grid_of(2)
     body = column(grid)
-    for term in (Traction(grid.facets("bottom"), (0.0, -1.0)), Fixed(grid.facets("left"))):
+    for term in (mpm.Traction(grid.facets("bottom"), (0.0, -1.0)), mpm.Fixed(grid.facets("left"))):
         with pytest.warns(UserWarning) as heard:
-            Simulation(grid, body, Newmark(1e-3), [term])
+            mpm.Simulation(grid, body, mpm.Newmark(1e-3), [term])
         assert heard[0].filename == __file__
 
 
@@ -194,16 +178,16 @@ import test_reach as t
 comm = MPI.COMM_WORLD
 grid = t.grid_of(2)
 try:
-    t.look(grid, [t.Traction(grid.facets("right"), (0.0, -1.0))])
+    t.look(grid, [t.mpm.Traction(grid.facets("right"), (0.0, -1.0))])
 except ValueError as error:
     assert "no material" in str(error)
 else:
     raise SystemExit("not refused")
 with warnings.catch_warnings(record=True) as heard:
     warnings.simplefilter("always")
-    t.look(grid, [t.Traction(grid.facets("bottom"), (0.0, -1.0))])
+    t.look(grid, [t.mpm.Traction(grid.facets("bottom"), (0.0, -1.0))])
     body = t.column(grid)
-    t.look(grid, [t.ViscousBoundary(body.surface("top", "left"), t.dense.SOIL)], body=body)
+    t.look(grid, [t.mpm.ViscousBoundary(body.surface("top", "left"), t.dense.SOIL)], body=body)
     assert t.partly_filled(grid, [t.column(grid)], [grid.find(t.column(grid).x)]) == 0
 assert ["1.25 of 3 m" in str(w.message) for w in heard] == [True], heard
 print("fine")
@@ -231,15 +215,15 @@ def test_two_ranks_decide_together():
 def test_partly_filled_cells_are_counted(dim):
     """A square off the grid's lines by 0.15 h: of its five by five cells three by three are
     full."""
-    grid = Grid.box((0.0,) * dim, (2.0,) * dim, (8,) * dim)
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box((0.0,) * dim, (2.0,) * dim, (8,) * dim)
+    body = mpm.MaterialPoints.fill(
         grid, dense.SOIL, 2**dim, lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0), jitter=0.4
     )
     assert partly_filled(grid, [body], [grid.find(body.x)]) == 0
     body.x += 0.15 * 0.25
     body.seat += 0.15 * 0.25
     assert partly_filled(grid, [body], [grid.find(body.x)]) == 5**dim - 3**dim
-    rest = MaterialPoints.fill(
+    rest = mpm.MaterialPoints.fill(
         grid, dense.SOFT, 2**dim, lambda x: ~((x > 0.5) & (x < 1.5)).all(axis=0)
     )
     body.x -= 0.15 * 0.25

@@ -7,27 +7,7 @@ import plastic
 import pytest
 from plastic import DIRECT, LAW
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Newton,
-    Probe,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    Traction,
-    ViscoelasticBoundary,
-    ViscousBoundary,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.points.inside import among
 
@@ -53,14 +33,14 @@ def run_with(kind, dim, field, rng):
     f = linear(dim, size, rng)
     if kind == "points":
         body = dense.random_body(grid, rng)
-        run = Simulation(grid, body, Newmark(1e-3), [])
+        run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [])
         name, place = ("x" if field == "displacement" else field), body.x.copy()
 
         def spoil():
             getattr(body, name)[:] = f(place) + (place if field == "displacement" else 0.0)
 
         return run, spoil, f
-    run = FiniteElements(grid, dense.SOIL, Newmark(1e-3), [])
+    run = mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(1e-3), [])
     x = grid.space.tabulate_dof_coordinates()[:, :dim]
     if field != "stress":
         nodal = run.displacement if field == "displacement" else getattr(run.motion, field[0])
@@ -103,7 +83,7 @@ def test_probes_are_exact_for_linear_fields_at_any_place(kind, dim, field):
     if field != "displacement":  # that counts from here
         change()
     at = np.array(places(run, rng))
-    probes = [run.record(Probe(field, x)) for x in at]
+    probes = [run.record(mpm.Probe(field, x)) for x in at]
     change()
     expected = exact(at)
     for probe, value in zip(probes, expected, strict=True):
@@ -121,15 +101,15 @@ def test_probes_are_exact_for_linear_fields_at_any_place(kind, dim, field):
 @pytest.mark.parametrize("cells", [(1, 20), (5, 20), (20, 5), (1, 1)])
 def test_probes_on_columns_and_flat_cells(cells):
     """Along what the samples span a linear field is exact; across it, a constant."""
-    grid = Grid.box((0, 0), (10, 1), cells)
-    run = FiniteElements(grid, dense.SOIL, QuasiStatic(1), [])
+    grid = mpm.Grid.box((0, 0), (10, 1), cells)
+    run = mpm.FiniteElements(grid, dense.SOIL, mpm.QuasiStatic(1), [])
     run.motion.nodal(run.displacement)[:] = dense.at_nodes(grid, lambda x: 1.0 + 2 * x).reshape(
         -1, 2
     )
     for at in ((3.3, 0.5), (0.0, 0.0), (9.9, 0.013), (5.0, 1.0)):
-        stress = run.record(Probe("stress", at)).values[0]
+        stress = run.record(mpm.Probe("stress", at)).values[0]
         np.testing.assert_allclose(stress, run.stress(np.array([0]))[0], rtol=1e-9, atol=1e-3)
-        probe = run.record(Probe("displacement", at))
+        probe = run.record(mpm.Probe("displacement", at))
         run.motion.nodal(run.displacement)[:] *= 2.0
         probe(run)
         run.motion.nodal(run.displacement)[:] *= 0.5
@@ -143,10 +123,10 @@ def test_stress_of_slanted_elements_has_a_place_too(dim, law):
     grid.mesh.geometry.x[:, 0] += (
         0.3 * grid.mesh.geometry.x[:, 1] + 0.1 * grid.mesh.geometry.x[:, 2] ** 2
     )
-    grid = Grid(grid.mesh)
-    run = FiniteElements(grid, law, QuasiStatic(1), [])
+    grid = mpm.Grid(grid.mesh)
+    run = mpm.FiniteElements(grid, law, mpm.QuasiStatic(1), [])
     A = 1e-5 * np.random.default_rng(9).normal(size=(dim, dim))
-    probe = run.record(Probe("stress", (0.5,) * dim))
+    probe = run.record(mpm.Probe("stress", (0.5,) * dim))
     run.motion.u.x.array[:] = dense.at_nodes(grid, lambda x: x @ A.T)
     run.carry()
     probe(run)
@@ -157,14 +137,17 @@ def test_stress_of_slanted_elements_has_a_place_too(dim, law):
 
 def test_a_probe_follows_the_material():
     """A body in free flight takes its probe along, over several cells."""
-    grid = Grid.box((0, 0), (4, 2), (8, 4))
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box((0, 0), (4, 2), (8, 4))
+    body = mpm.MaterialPoints.fill(
         grid, dense.SOIL, 4, jitter=0.3, inside=lambda x: (x < 1).all(axis=0)
     )
     body.velocity = np.tile([8.0, 1.0], (len(body), 1))
     body.stress[:, 0] = np.arange(len(body))
-    run = Simulation(grid, body, Newmark(0.02), [], solver=DIRECT)
-    u, v = run.record(Probe("displacement", (0.4, 0.6))), run.record(Probe("velocity", (0.4, 0.6)))
+    run = mpm.Simulation(grid, body, mpm.Newmark(0.02), [], solver=DIRECT)
+    u, v = (
+        run.record(mpm.Probe("displacement", (0.4, 0.6))),
+        run.record(mpm.Probe("velocity", (0.4, 0.6))),
+    )
     body.stress[:] = 0.0
     run.until(0.2)
     np.testing.assert_allclose(u.values, u.times[:, None] * [8.0, 1.0], atol=1e-8)
@@ -175,18 +158,20 @@ def test_a_probe_follows_the_material():
 def test_what_a_probe_refuses(kind):
     def make(stepping):
         grid = dense.uneven(2)
-        return plastic.run_of(None if kind == "FE" else DM_GC, grid, stepping, [], law=dense.SOIL)
+        return plastic.run_of(
+            None if kind == "FE" else mpm.DM_GC, grid, stepping, [], law=dense.SOIL
+        )
 
     with pytest.raises(
         ValueError, match=r"field must be one of displacement, velocity, .*got 'strain'"
     ):
-        Probe("strain", (0.0, 0.0))
+        mpm.Probe("strain", (0.0, 0.0))
     for at in ((0.5, 0.5, 0.5), (0.5,), 0.5, (np.nan, 0.5), (np.inf, 0.0)):
         with pytest.raises(ValueError, match="at must be 2 finite coordinates, got"):
-            make(Newmark(1e-3)).record(Probe("stress", at))
+            make(mpm.Newmark(1e-3)).record(mpm.Probe("stress", at))
     for field in ("velocity", "acceleration"):
         with pytest.raises(ValueError, match=f"field '{field}' is not part of this scene"):
-            make(QuasiStatic(2)).record(Probe(field, (0.5, 0.5)))
+            make(mpm.QuasiStatic(2)).record(mpm.Probe(field, (0.5, 0.5)))
 
 
 # -- places outside --------------------------------------------------------------------------------
@@ -194,7 +179,7 @@ def test_what_a_probe_refuses(kind):
 
 def block(grid, **keywords):
     """A square or cube [0.5, 1.5]^dim with a hole of half a metre in its middle."""
-    return MaterialPoints.fill(
+    return mpm.MaterialPoints.fill(
         grid,
         dense.SOIL,
         2**grid.dim,
@@ -207,14 +192,14 @@ def block(grid, **keywords):
 @DIMS
 def test_a_probe_outside_the_body_is_refused_with_what_is_nearest(dim, jitter):
     """Points are 1/16 m apart: half that beyond the edge is still taken for inside."""
-    grid = Grid.box((0.0,) * dim, (3.0,) * dim, (24,) * dim)
-    other = MaterialPoints.fill(grid, dense.SOIL, 2**dim, lambda x: (x > 2.5).all(axis=0))
+    grid = mpm.Grid.box((0.0,) * dim, (3.0,) * dim, (24,) * dim)
+    other = mpm.MaterialPoints.fill(grid, dense.SOIL, 2**dim, lambda x: (x > 2.5).all(axis=0))
     body = block(grid, jitter=jitter)
-    run = Simulation(grid, [body, other], Newmark(1e-3), [])
+    run = mpm.Simulation(grid, [body, other], mpm.Newmark(1e-3), [])
     edge = np.full(dim, 1.2)
     for y in (0.5, 0.5 - 0.03, 1.5, 1.5 + 0.03):
         edge[1] = y
-        run.record(Probe("stress", edge))
+        run.record(mpm.Probe("stress", edge))
     for inside in (
         (0.6,) * dim,
         (0.5,) * dim,
@@ -223,7 +208,7 @@ def test_a_probe_outside_the_body_is_refused_with_what_is_nearest(dim, jitter):
         (2.5,) * dim,
         (3.0,) * dim,
     ):
-        run.record(Probe("stress", inside))
+        run.record(mpm.Probe("stress", inside))
     for outside in (
         (1.0,) * dim,
         (2.0,) * dim,
@@ -235,7 +220,7 @@ def test_a_probe_outside_the_body_is_refused_with_what_is_nearest(dim, jitter):
             ValueError,
             match=r"^at must lie inside the body, got .* begins 0?\.?\d+.* m away, at x=\[",
         ):
-            run.record(Probe("stress", outside))
+            run.record(mpm.Probe("stress", outside))
 
 
 @DIMS
@@ -244,7 +229,7 @@ def test_a_probe_among_points_that_are_strewn_is_inside(dim):
     rng = np.random.default_rng(4)
     grid = dense.uneven(dim)
     x = rng.uniform(0.0, 1.0, (400, dim))
-    strewn = MaterialPoints(dense.SOIL, x, np.full_like(x, 1e-3), np.full(len(x), 1.0 / len(x)))
+    strewn = mpm.MaterialPoints(dense.SOIL, x, np.full_like(x, 1e-3), np.full(len(x), 1.0 / len(x)))
     for body in (strewn, dense.tiles(grid, rng)):
         assert all(among([body], at) for at in rng.uniform(0.0, 1.0, (300, dim)))
         beyond = np.full(dim, 2.0), np.full(dim, -0.8), np.r_[1.9, [0.5] * (dim - 1)]
@@ -253,8 +238,8 @@ def test_a_probe_among_points_that_are_strewn_is_inside(dim):
 
 def test_a_probe_in_a_body_that_has_turned_and_sheared_is_inside():
     """Support domains keep their axes, and leave gaps."""
-    grid = Grid.box((-2.0, -2.0), (2.0, 2.0), (16, 16))
-    body = MaterialPoints.fill(grid, dense.SOIL, 4, lambda x: (np.abs(x) < 0.5).all(axis=0))
+    grid = mpm.Grid.box((-2.0, -2.0), (2.0, 2.0), (16, 16))
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4, lambda x: (np.abs(x) < 0.5).all(axis=0))
     F = np.array([[1.0, 0.4], [0.0, 1.0]]) @ np.array([[1.0, -1.0], [1.0, 1.0]]) / np.sqrt(2)
     body.x = body.x @ F.T
     places = np.random.default_rng(1).uniform(-0.5, 0.5, (300, 2))
@@ -268,14 +253,14 @@ def test_a_probe_outside_the_mesh_is_refused(dim, slant):
     """Edges and corners of cells, slanted ones too, are inside; a hair beyond is not."""
     grid = dense.uneven(dim)
     grid.mesh.geometry.x[:, 0] += slant * grid.mesh.geometry.x[:, 1]
-    run = FiniteElements(grid, dense.SOIL, QuasiStatic(1), [])
+    run = mpm.FiniteElements(grid, dense.SOIL, mpm.QuasiStatic(1), [])
     rng = np.random.default_rng(2)
     corners = grid.mesh.geometry.x[:, :dim]
     for at in (*corners, *(rng.dirichlet(np.ones(len(corners)), 20) @ corners)):
         assert run.holds(at)
     for at in ((0.5 + slant, 1.001, 0.5), (0.5, -0.001, 0.5), (1.001 + 0.5 * slant, 0.5, 0.5)):
         with pytest.raises(ValueError, match=r"^at must lie inside the body, got"):
-            run.record(Probe("displacement", at[:dim]))
+            run.record(mpm.Probe("displacement", at[:dim]))
 
 
 # -- energy ----------------------------------------------------------------------------------------
@@ -286,19 +271,19 @@ def shaken(kind, dim, size=1.0, soil=dense.SOIL, springs=True):
     side."""
     grid = dense.uneven(dim)
     terms = [
-        ViscousBoundary(grid.facets("left"), soil),
-        Fixed(grid.facets("bottom")),
-        Gravity(lambda t: size * np.sin(300 * t) * (np.arange(dim) + 1.0)),
-        Traction(grid.facets("top"), lambda t, x: size * 1e3 * np.sin(200 * t) * x),
+        mpm.ViscousBoundary(grid.facets("left"), soil),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Gravity(lambda t: size * np.sin(300 * t) * (np.arange(dim) + 1.0)),
+        mpm.Traction(grid.facets("top"), lambda t, x: size * 1e3 * np.sin(200 * t) * x),
     ]
-    terms += [ViscoelasticBoundary(grid.facets("right"), soil, 2.0)] if springs else []
-    return plastic.run_of(kind, grid, Newmark(1e-3), terms, law=soil, solver=DIRECT)
+    terms += [mpm.ViscoelasticBoundary(grid.facets("right"), soil, 2.0)] if springs else []
+    return plastic.run_of(kind, grid, mpm.Newmark(1e-3), terms, law=soil, solver=DIRECT)
 
 
 @DIMS
 def test_the_balance_of_elastic_finite_elements_closes_to_rounding(dim):
     run = shaken(None, dim)
-    energy = run.record(Energy())
+    energy = run.record(mpm.Energy())
     run.until(0.03)
     flow = np.abs(energy["work"]).max()
     for name in ("absorbed", "stored", "kinetic", "strain"):
@@ -308,27 +293,27 @@ def test_the_balance_of_elastic_finite_elements_closes_to_rounding(dim):
     assert (np.diff(energy["absorbed"]) >= 0.0).all()
 
 
-@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_GC], ids=str)
 def test_the_balance_of_points_closes_to_a_share_at_small_strain(mapping):
     """What the points hold is not what the grid held, nor is a recovered strain the grid's: it goes
     with the grid."""
-    soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+    soil = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
     lost = []
     for cells in (8, 16):
-        grid = Grid.box((0, 0), (2, 2), (cells, cells))
-        body = MaterialPoints.fill(grid, soil, 4)
-        pulse = Traction(
+        grid = mpm.Grid.box((0, 0), (2, 2), (cells, cells))
+        body = mpm.MaterialPoints.fill(grid, soil, 4)
+        pulse = mpm.Traction(
             grid.facets("top"),
             lambda t, x: -1e-1 * np.sin(20 * t) ** 2 * np.array([0.3, 1.0]) * x[:, :1],
         )
-        run = Simulation(
+        run = mpm.Simulation(
             grid,
             body,
-            Newmark(1e-3),
-            [ViscousBoundary(grid.facets("bottom"), soil), pulse],
+            mpm.Newmark(1e-3),
+            [mpm.ViscousBoundary(grid.facets("bottom"), soil), pulse],
             mapping,
         )
-        energy = run.record(Energy())
+        energy = run.record(mpm.Energy())
         run.until(0.06)
         assert energy["absorbed"][-1] > 0.05 * energy["work"][-1]
         lost.append(np.abs(energy.lost).max() / energy["work"].max())
@@ -336,18 +321,18 @@ def test_the_balance_of_points_closes_to_a_share_at_small_strain(mapping):
     assert lost[1] < 1e-3
 
 
-@pytest.mark.parametrize("kind", [None, GIMP, DM_GC], ids=["FE", "GIMP", "DM-GC"])
+@pytest.mark.parametrize("kind", [None, mpm.GIMP, mpm.DM_GC], ids=["FE", "GIMP", "DM-GC"])
 def test_statics_balances_work_and_strain(kind):
     """Loads that grow evenly do the mean of load and displacement: exact in small strain,
     elastic."""
     grid = dense.uneven(2)
     terms = [
-        Fixed(grid.facets("bottom")),
-        Gravity(lambda t: (0.0, -1e-3 * t)),
-        Traction(grid.facets("top"), lambda t, x: t * np.array([1.0, -1.0]) * x),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Gravity(lambda t: (0.0, -1e-3 * t)),
+        mpm.Traction(grid.facets("top"), lambda t, x: t * np.array([1.0, -1.0]) * x),
     ]
-    run = plastic.run_of(kind, grid, QuasiStatic(4), terms, law=dense.SOIL)
-    energy = run.record(Energy())
+    run = plastic.run_of(kind, grid, mpm.QuasiStatic(4), terms, law=dense.SOIL)
+    energy = run.record(mpm.Energy())
     run.until(1.0)
     assert energy["work"][-1] > 0.0
     assert (energy["kinetic"] == 0.0).all()
@@ -357,11 +342,11 @@ def test_statics_balances_work_and_strain(kind):
     assert np.abs(energy.lost).max() < tolerance * energy["work"][-1]
 
 
-@pytest.mark.parametrize("kind", [None, DM_GC], ids=["FE", "DM-GC"])
+@pytest.mark.parametrize("kind", [None, mpm.DM_GC], ids=["FE", "DM-GC"])
 def test_plastic_work_is_where_the_energy_goes(kind):
-    law = VonMises(plastic.ELASTIC, peak=10e3, residual=6e3, softening=50e3)
-    grid = Grid.box((0, 0), (3, 3), (12, 12))
-    pulse = Traction(
+    law = mpm.VonMises(plastic.ELASTIC, peak=10e3, residual=6e3, softening=50e3)
+    grid = mpm.Grid.box((0, 0), (3, 3), (12, 12))
+    pulse = mpm.Traction(
         grid.facets("top"),
         lambda t, x: (
             np.array([0.15, -1.0]) * 32e3 * min(t / 0.1, 1.0) * np.sin(np.pi * x[:, :1] / 3)
@@ -370,11 +355,15 @@ def test_plastic_work_is_where_the_energy_goes(kind):
     run = plastic.run_of(
         kind,
         grid,
-        Newmark(1e-3),
-        [Fixed(grid.facets("bottom")), pulse, ViscousBoundary(grid.facets("left", "right"), law)],
+        mpm.Newmark(1e-3),
+        [
+            mpm.Fixed(grid.facets("bottom")),
+            pulse,
+            mpm.ViscousBoundary(grid.facets("left", "right"), law),
+        ],
         law=law,
     )
-    energy = run.record(Energy())
+    energy = run.record(mpm.Energy())
     run.until(0.15)
     total = energy["work"].max()
     assert energy["plastic"][-1] > 0.05 * total
@@ -382,12 +371,12 @@ def test_plastic_work_is_where_the_energy_goes(kind):
     assert np.abs(energy.lost).max() < 0.01 * total
 
 
-@pytest.mark.parametrize("kind", [None, DM_GC], ids=["FE", "DM-GC"])
+@pytest.mark.parametrize("kind", [None, mpm.DM_GC], ids=["FE", "DM-GC"])
 def test_a_recorder_attached_late_starts_there(kind):
     run = shaken(kind, 2)
-    first, u = run.record(Energy()), run.record(Probe("displacement", (0.6, 0.8)))
+    first, u = run.record(mpm.Energy()), run.record(mpm.Probe("displacement", (0.6, 0.8)))
     run.until(0.01)
-    late, v = run.record(Energy()), run.record(Probe("displacement", (0.6, 0.8)))
+    late, v = run.record(mpm.Energy()), run.record(mpm.Probe("displacement", (0.6, 0.8)))
     run.until(0.02)
     np.testing.assert_array_equal(late.times, first.times[10:])
     for name in ("work", "absorbed", "stored"):
@@ -408,9 +397,9 @@ def test_a_recorder_attached_late_starts_there(kind):
 
 def test_names_of_energies():
     run = shaken(None, 2)
-    energy = run.record(Energy())
-    assert Energy.USUAL == ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
-    for name in Energy.USUAL:
+    energy = run.record(mpm.Energy())
+    assert mpm.Energy.USUAL == ("work", "kinetic", "strain", "plastic", "absorbed", "stored")
+    for name in mpm.Energy.USUAL:
         np.testing.assert_array_equal(energy[name], [0.0])
     with pytest.raises(ValueError, match=r"name must be one of work, kinetic, .*got 'heat'"):
         energy["heat"]
@@ -418,11 +407,13 @@ def test_names_of_energies():
 
 def test_what_a_scene_does_not_have_stays_zero_and_costs_nothing():
     grid = dense.uneven(2)
-    run = FiniteElements(grid, dense.SOIL, Newmark(1e-3), [Fixed(grid.facets("bottom"))])
+    run = mpm.FiniteElements(
+        grid, dense.SOIL, mpm.Newmark(1e-3), [mpm.Fixed(grid.facets("bottom"))]
+    )
     run.motion.nodal(run.motion.v)[:] = dense.at_nodes(
         grid, lambda x: x[:, 1:] * [1.0, 0.0]
     ).reshape(-1, 2)
-    energy = run.record(Energy())
+    energy = run.record(mpm.Energy())
     run.until(0.005)
     assert energy._forms == {}
     for name in ("work", "plastic", "absorbed", "stored"):
@@ -432,9 +423,9 @@ def test_what_a_scene_does_not_have_stays_zero_and_costs_nothing():
 
 
 def test_what_was_recorded_before_an_error_is_kept():
-    run = plastic.static(None, Newton(iterations=2, cuts=0), steps=8)
-    energy, stress = run.record(Energy()), run.record(Probe("stress", (0.5, 0.5)))
-    with pytest.raises(RunError):
+    run = plastic.static(None, mpm.Newton(iterations=2, cuts=0), steps=8)
+    energy, stress = run.record(mpm.Energy()), run.record(mpm.Probe("stress", (0.5, 0.5)))
+    with pytest.raises(mpm.RunError):
         run.until(1.0)
     assert 2 < len(energy.times) == len(stress.times) == run.steps + 1 < 9
     assert np.isfinite(energy.values).all()

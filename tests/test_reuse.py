@@ -9,23 +9,7 @@ import pytest
 import scipy.linalg
 from dense import SOFT, SOIL
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    GIMP,
-    Fixed,
-    GhostPenalty,
-    Gravity,
-    Grid,
-    Hencky,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-    Solver,
-    Traction,
-    ViscousBoundary,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.grid import dolfinx_versions
 from mpm_fenicsx.mapping.lagged_properties import at_quadrature
 from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED
@@ -39,17 +23,19 @@ def slide(dim, mapping, reuse, speed=3.0, size=6, extra=()):
     """A block on dashpots, pressed from above, slides sideways and down by a tenth of a cell a
     step."""
     low, high = np.array((-1.0, -2.0, 0.0))[:dim], np.array((size + 4.0, size + 1.0, 2.0))[:dim]
-    grid = Grid.box(low, high, (high - low).astype(int))
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box(low, high, (high - low).astype(int))
+    body = mpm.MaterialPoints.fill(
         grid, SOFT, 2**dim, inside=lambda x: ((x[:2] > 0) & (x[:2] < size)).all(axis=0)
     )
     body.velocity = np.tile((speed, -speed / 3, 0.0)[:dim], (len(body), 1))
     terms = [
-        ViscousBoundary(body.surface("bottom"), SOFT),
-        Traction(body.surface("top"), (0.0, -2e4, 0.0)[:dim]),
+        mpm.ViscousBoundary(body.surface("bottom"), SOFT),
+        mpm.Traction(body.surface("top"), (0.0, -2e4, 0.0)[:dim]),
         *extra,
     ]
-    return Simulation(grid, body, Newmark(0.1 / 3.0), terms, mapping, Solver(reuse=reuse))
+    return mpm.Simulation(
+        grid, body, mpm.Newmark(0.1 / 3.0), terms, mapping, mpm.Solver(reuse=reuse)
+    )
 
 
 def matrix_of(run):
@@ -64,7 +50,12 @@ def matrix_of(run):
 
 @pytest.mark.parametrize(
     "dim, mapping, steps",
-    [(2, DM_GC, 60), (2, replace(DM_GC, b_bar=True), 20), (2, GIMP, 40), (3, DM_GC, 15)],
+    [
+        (2, mpm.DM_GC, 60),
+        (2, replace(mpm.DM_GC, b_bar=True), 20),
+        (2, mpm.GIMP, 40),
+        (3, mpm.DM_GC, 15),
+    ],
     ids=str,
 )
 def test_the_matrix_is_that_of_the_kept_fields_while_a_body_crosses_cells(dim, mapping, steps):
@@ -90,7 +81,13 @@ def test_the_matrix_is_that_of_the_kept_fields_while_a_body_crosses_cells(dim, m
 
 @pytest.mark.parametrize(
     "dim, mapping, limit",
-    [(2, DM_GC, 1e-3), (2, DM_GC, 3e-2), (2, DM_G, 3e-2), (2, GIMP, 3e-2), (3, DM_GC, 3e-2)],
+    [
+        (2, mpm.DM_GC, 1e-3),
+        (2, mpm.DM_GC, 3e-2),
+        (2, mpm.DM_G, 3e-2),
+        (2, mpm.GIMP, 3e-2),
+        (3, mpm.DM_GC, 3e-2),
+    ],
     ids=str,
 )
 def test_the_kept_matrix_bounds_the_true_one(dim, mapping, limit):
@@ -143,27 +140,27 @@ def test_a_pulse_in_a_column_differs_by_less_than_the_limit():
     """As the error of the matrix does not add up over 150 steps."""
     found = []
     for reuse in (0.0, 1e-3):
-        grid = Grid.box((0, -1), (0.5, 11), (2, 48))
-        body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[1] > 0) & (x[1] < 10))
+        grid = mpm.Grid.box((0, -1), (0.5, 11), (2, 48))
+        body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[1] > 0) & (x[1] < 10))
         terms = [
-            Fixed(grid.facets("left", "right"), "x"),
-            ViscousBoundary(body.surface("bottom"), SOIL),
-            Traction(
+            mpm.Fixed(grid.facets("left", "right"), "x"),
+            mpm.ViscousBoundary(body.surface("bottom"), SOIL),
+            mpm.Traction(
                 body.surface("top"), lambda t: (0.0, -300.0 * max(0.0, 1.0 - abs(t - 0.05) / 0.05))
             ),
         ]
-        run = Simulation(grid, body, Newmark(1e-3), terms, solver=Solver(reuse=reuse))
+        run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), terms, solver=mpm.Solver(reuse=reuse))
         run.until(0.15)
         found.append(body.stress[:, 1])
     assert 0.0 < np.abs(found[1] - found[0]).max() < 1e-3 * 300.0
 
 
 def test_a_body_at_rest_is_assembled_once():
-    run = slide(2, DM_GC, 1e-3, speed=0.0)
+    run = slide(2, mpm.DM_GC, 1e-3, speed=0.0)
     run.terms.clear()
     body = run.bodies[0]
-    still = Simulation(
-        run.grid, body, Newmark(1e-2), [Gravity((0.0, 0.0))], solver=Solver(reuse=1e-3)
+    still = mpm.Simulation(
+        run.grid, body, mpm.Newmark(1e-2), [mpm.Gravity((0.0, 0.0))], solver=mpm.Solver(reuse=1e-3)
     )
     for step in range(4):
         still.step()
@@ -173,7 +170,7 @@ def test_a_body_at_rest_is_assembled_once():
 
 
 def test_a_run_that_does_not_name_it_does_not_pay_for_it():
-    run = slide(2, DM_GC, 0.0)
+    run = slide(2, mpm.DM_GC, 0.0)
     assert run.equilibrium.update is None
     assert all(
         f is g
@@ -189,22 +186,25 @@ def test_a_run_that_does_not_name_it_does_not_pay_for_it():
 @pytest.mark.parametrize("reuse", [-1e-3, 0.2, np.nan, np.inf])
 def test_limits_out_of_range_are_refused(reuse):
     with pytest.raises(ValueError, match="reuse"):
-        Solver(reuse=reuse)
+        mpm.Solver(reuse=reuse)
 
 
 def test_what_cannot_be_kept_is_refused():
     with pytest.raises(ValueError, match=r"reuse = 0.001 .*GhostPenalty"):
-        slide(2, DM_GC, 1e-3, extra=[GhostPenalty()])
-    grid = Grid.box((0, 0), (2, 2), (2, 2))
-    for law in (Hencky(3e6, 0.3, 1800.0), VonMises(SOFT, peak=3e3, residual=1e3, softening=3e4)):
+        slide(2, mpm.DM_GC, 1e-3, extra=[mpm.GhostPenalty()])
+    grid = mpm.Grid.box((0, 0), (2, 2), (2, 2))
+    for law in (
+        mpm.Hencky(3e6, 0.3, 1800.0),
+        mpm.VonMises(SOFT, peak=3e3, residual=1e3, softening=3e4),
+    ):
         with pytest.raises(ValueError, match=r"reuse = 0.001 .*elastic"):
-            body = MaterialPoints.fill(grid, law, 4)
-            Simulation(grid, body, Newmark(1e-2), [], solver=Solver(reuse=1e-3))
+            body = mpm.MaterialPoints.fill(grid, law, 4)
+            mpm.Simulation(grid, body, mpm.Newmark(1e-2), [], solver=mpm.Solver(reuse=1e-3))
 
 
 def test_a_restart_goes_on_with_what_was_kept():
     """To round-off: the matrix is made anew then, and was a sum of changes before."""
-    run, again = slide(2, DM_GC, 1e-2), slide(2, DM_GC, 1e-2)
+    run, again = slide(2, mpm.DM_GC, 1e-2), slide(2, mpm.DM_GC, 1e-2)
     for _ in range(8):
         run.step()
     again.restore({name: value.copy() for name, value in run.state().items()})

@@ -10,24 +10,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline, interp1d, make_interp_spline
 
-from mpm_fenicsx import (
-    DM_GC,
-    GIMP,
-    MPM,
-    DeadLoad,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    SurfacePoints,
-    Traction,
-    ViscoelasticBoundary,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.terms.load_functions import as_load
 
 
@@ -118,16 +101,20 @@ def test_whatever_can_be_called_with_a_time_and_a_place_is_a_load(name):
 
 @pytest.mark.parametrize(
     "make",
-    [lambda on, f: Traction(on, f), lambda on, f: DeadLoad(on, f), lambda on, f: Gravity(f)],
+    [
+        lambda on, f: mpm.Traction(on, f),
+        lambda on, f: mpm.DeadLoad(on, f),
+        lambda on, f: mpm.Gravity(f),
+    ],
     ids=["Traction", "DeadLoad", "Gravity"],
 )
 def test_terms_do_not_give_a_default_the_place(grid, make):
     """Only what g = 2 is in it differs: the work of lambda t, g=2 is that of lambda t with 2."""
     found = []
     for function in (lambda t: (0.0, 2.0 * t), *RAMPS.values()):
-        scene = dense.bare_scene(grid, Newmark(0.5))
+        scene = dense.bare_scene(grid, mpm.Newmark(0.5))
         work = scene.bind(
-            [make(MaterialPoints.fill(grid, dense.SOIL, 4).surface("top"), function)]
+            [make(mpm.MaterialPoints.fill(grid, dense.SOIL, 4).surface("top"), function)]
         )[-1].work
         scene.prepare(0.0, 0.5)
         found.append(dense.vector(grid.space, work))
@@ -149,8 +136,8 @@ def test_terms_do_not_give_a_default_the_place(grid, make):
     ],
 )
 def test_supports_move_by_whatever_can_be_called_with_a_time(grid, value):
-    scene = dense.bare_scene(grid, QuasiStatic(2))
-    scene.bind([Fixed(grid.facets("top"), "y", value)])[-1]
+    scene = dense.bare_scene(grid, mpm.QuasiStatic(2))
+    scene.bind([mpm.Fixed(grid.facets("top"), "y", value)])[-1]
     scene.prepare(0.0, 0.5)
     (known,) = scene.motion.moved
     assert known.increment == pytest.approx(1.0, rel=1e-12)
@@ -195,24 +182,27 @@ def test_a_load_that_is_not_a_number_everywhere_is_heard_where_it_is_asked_for()
 
 @pytest.mark.parametrize("late", [None, (1.0, 2.0, 3.0), "soon"])
 def test_a_load_that_turns_into_something_else_stops_the_run_with_a_sentence(grid, late):
-    run = FiniteElements(
-        grid, dense.SOIL, Newmark(0.1), [Gravity(lambda t: late if t > 0.15 else (0.0, 1.0))]
+    run = mpm.FiniteElements(
+        grid,
+        dense.SOIL,
+        mpm.Newmark(0.1),
+        [mpm.Gravity(lambda t: late if t > 0.15 else (0.0, 1.0))],
     )
     run.step()
     with pytest.raises(
-        RunError,
+        mpm.RunError,
         match=r"step 2, t = 0\.2: g of Gravity must give 2 finite numbers, got .*at t = 0\.2",
     ):
         run.step()
 
 
 def test_terms_on_one_surface_share_its_patch(grid):
-    scene = dense.bare_scene(grid, Newmark(0.01))
-    body = MaterialPoints.fill(grid, dense.SOIL, 4)
+    scene = dense.bare_scene(grid, mpm.Newmark(0.01))
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)
     bottom, top = grid.facets("bottom"), body.surface("top")
     for on in (bottom, top):
-        scene.bind([ViscoelasticBoundary(on, dense.SOFT, 2.0)])[-1]
-        scene.bind([Traction(on, (1.0, 2.0))])[-1]
+        scene.bind([mpm.ViscoelasticBoundary(on, dense.SOFT, 2.0)])[-1]
+        scene.bind([mpm.Traction(on, (1.0, 2.0))])[-1]
     assert len(scene.patches) == 2
     scene.prepare(0.0, 0.01)
     before = top.x.copy()
@@ -228,9 +218,9 @@ def test_surface_points_follow_a_linear_motion_as_nanson_says():
         x = 0.2 + 0.5 * rng.random((7, dim))
         normal = rng.normal(size=(7, dim))
         normal /= np.linalg.norm(normal, axis=1)[:, None]
-        on = SurfacePoints(x, normal, np.ones(7))
-        scene = dense.bare_scene(grid, Newmark(0.01))
-        scene.bind([ViscousBoundary(on, dense.SOFT)])[-1]
+        on = mpm.SurfacePoints(x, normal, np.ones(7))
+        scene = dense.bare_scene(grid, mpm.Newmark(0.01))
+        scene.bind([mpm.ViscousBoundary(on, dense.SOFT)])[-1]
         scene.prepare(0.0, 0.01)
         H = 0.1 * rng.normal(size=(dim, dim))
         scene.motion.u.x.array[:] = dense.at_nodes(grid, lambda y, H=H: y @ H.T)
@@ -245,8 +235,8 @@ def test_surface_points_follow_a_linear_motion_as_nanson_says():
 def test_a_surface_point_on_a_cell_edge_belongs_to_the_cell_inside(grid):
     at = float(np.unique(grid.space.tabulate_dof_coordinates()[:, 1].round(12))[1])
     for up in (1.0, -1.0):
-        scene = dense.bare_scene(grid, Newmark(0.01))
-        on = SurfacePoints([[0.1, at]], [[0.0, up]], [1.0])
+        scene = dense.bare_scene(grid, mpm.Newmark(0.01))
+        on = mpm.SurfacePoints([[0.1, at]], [[0.0, up]], [1.0])
         scene.patch(on)
         scene.prepare(0.0, 0.01)
         centre = 0.5 * (grid.lattice.lower + grid.lattice.upper)[scene.patch(on)._cell[0]]
@@ -257,12 +247,12 @@ def test_a_surface_point_on_a_cell_edge_belongs_to_the_cell_inside(grid):
 
 
 def test_a_static_scene_has_no_velocities(grid):
-    body = MaterialPoints.fill(grid, dense.SOIL, 4)
-    run = Simulation(
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)
+    run = mpm.Simulation(
         grid,
         body,
-        QuasiStatic(2),
-        [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), (0, -1))],
+        mpm.QuasiStatic(2),
+        [mpm.Fixed(grid.facets("bottom")), mpm.Traction(grid.facets("top"), (0, -1))],
     )
     run.step()
     assert body.velocity is None
@@ -274,17 +264,17 @@ def test_a_static_scene_has_no_velocities(grid):
 
 
 def test_only_springs_make_surfaces_remember(grid):
-    body = MaterialPoints.fill(grid, dense.SOIL, 4)
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)
     for make, remembers in (
-        (lambda on: ViscousBoundary(on, dense.SOFT), False),
-        (lambda on: Traction(on, (0.0, -1.0)), False),
-        (lambda on: ViscoelasticBoundary(on, dense.SOFT, 2.0), True),
+        (lambda on: mpm.ViscousBoundary(on, dense.SOFT), False),
+        (lambda on: mpm.Traction(on, (0.0, -1.0)), False),
+        (lambda on: mpm.ViscoelasticBoundary(on, dense.SOFT, 2.0), True),
     ):
         points, facets = body.surface("bottom"), grid.facets("bottom")
-        run = Simulation(
+        run = mpm.Simulation(
             grid,
-            MaterialPoints.fill(grid, dense.SOIL, 4),
-            Newmark(1e-3),
+            mpm.MaterialPoints.fill(grid, dense.SOIL, 4),
+            mpm.Newmark(1e-3),
             [make(points), make(facets)],
         )
         assert (points.displacement is not None) is remembers
@@ -293,29 +283,31 @@ def test_only_springs_make_surfaces_remember(grid):
         assert ("displacement" in run.scene.patch(points).state()) is remembers
 
 
-@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.MPM, mpm.GIMP, mpm.DM_GC], ids=str)
 def test_only_composite_mappings_have_patches(grid, mapping):
-    run = Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [], mapping)
+    run = mpm.Simulation(
+        grid, mpm.MaterialPoints.fill(grid, dense.SOIL, 4), mpm.Newmark(1e-3), [], mapping
+    )
     assert bool(run.composites) is mapping.composite
     assert run.stencils[0].nodes.shape[1] == (9 if mapping.support else 4)
 
 
 def test_a_scene_without_terms_has_nothing_to_prepare(grid):
-    run = Simulation(grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), [])
+    run = mpm.Simulation(grid, mpm.MaterialPoints.fill(grid, dense.SOIL, 4), mpm.Newmark(1e-3), [])
     assert run.scene.patches == [] and run.scene.contributions == []
     assert run.scene.fixed == []
-    loaded = Simulation(grid, run.bodies, Newmark(1e-3), [Gravity((0, -1))]).scene
+    loaded = mpm.Simulation(grid, run.bodies, mpm.Newmark(1e-3), [mpm.Gravity((0, -1))]).scene
     assert [len(contribution.before) for contribution in loaded.contributions] == [1]
 
 
 def test_the_tangent_has_no_dashpots_without_a_dashpot(grid):
     forms = [
         len(
-            Simulation(
-                grid, MaterialPoints.fill(grid, dense.SOIL, 4), Newmark(1e-3), terms
+            mpm.Simulation(
+                grid, mpm.MaterialPoints.fill(grid, dense.SOIL, 4), mpm.Newmark(1e-3), terms
             ).contributions
         )
-        for terms in ([], [ViscousBoundary(grid.facets("bottom"), dense.SOFT)])
+        for terms in ([], [mpm.ViscousBoundary(grid.facets("bottom"), dense.SOFT)])
     ]
     assert forms == [2, 3]
 
@@ -323,10 +315,10 @@ def test_the_tangent_has_no_dashpots_without_a_dashpot(grid):
 def test_a_load_outlives_the_form_it_was_made_for(grid):
     """A patch goes on writing the load of a term whose form is gone, so it must hold what it writes
     to."""
-    scene = dense.bare_scene(grid, Newmark(0.01))
+    scene = dense.bare_scene(grid, mpm.Newmark(0.01))
     loads = []
     for value in ((1.0, 2.0), lambda t, x: x):
-        work = scene.bind([Traction(grid.facets("top"), value)])[-1].work
+        work = scene.bind([mpm.Traction(grid.facets("top"), value)])[-1].work
         mine = [f for f in (*work.coefficients(), *work.constants()) if f not in (scene.motion.u,)]
         loads += [
             weakref.ref(f) for f in mine if hasattr(f, "value") or f.function_space != grid.space

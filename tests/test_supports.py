@@ -2,33 +2,25 @@
 
 import pytest
 
-from mpm_fenicsx import (
-    Contact,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 
-SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+SOIL = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 
 
 def box(dim, cells=4):
-    return Grid.box((0,) * dim, (cells,) * dim, (cells,) * dim)
+    return mpm.Grid.box((0,) * dim, (cells,) * dim, (cells,) * dim)
 
 
 def elements(grid, fixed, **_):
-    return FiniteElements(grid, SOIL, QuasiStatic(1), fixed)
+    return mpm.FiniteElements(grid, SOIL, mpm.QuasiStatic(1), fixed)
 
 
 def points(grid, fixed, inside=None):
-    return Simulation(
-        grid, MaterialPoints.fill(grid, SOIL, 2**grid.dim, inside=inside), QuasiStatic(1), fixed
+    return mpm.Simulation(
+        grid,
+        mpm.MaterialPoints.fill(grid, SOIL, 2**grid.dim, inside=inside),
+        mpm.QuasiStatic(1),
+        fixed,
     )
 
 
@@ -53,7 +45,10 @@ def test_what_is_free_is_named(run, dim, fixed, message):
     grid = box(dim, 2)
     made = run(
         grid,
-        [Gravity((0.0, -9.81, 0.0)[:dim]), *(Fixed(grid.facets(s), c) for s, c in fixed.items())],
+        [
+            mpm.Gravity((0.0, -9.81, 0.0)[:dim]),
+            *(mpm.Fixed(grid.facets(s), c) for s, c in fixed.items()),
+        ],
     )
     if message is None:
         return made.step()
@@ -64,7 +59,7 @@ def test_what_is_free_is_named(run, dim, fixed, message):
 
 def test_a_roller_that_no_material_touches_holds_nothing():
     grid = box(2)
-    fixed = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
+    fixed = [mpm.Fixed(grid.facets("left"), "x"), mpm.Fixed(grid.facets("bottom"), "y")]
     with pytest.raises(
         ValueError, match="Fixed acts on the facets left, where there is no material"
     ):
@@ -78,23 +73,23 @@ def test_each_piece_is_held_on_its_own():
         ValueError, match=r"the piece of material around x=\[.*\] from moving along x and y and"
     ):
         points(
-            grid, [Fixed(grid.facets("bottom"))], inside=lambda x: (x[1] < 1) | (x[1] > 2)
+            grid, [mpm.Fixed(grid.facets("bottom"))], inside=lambda x: (x[1] < 1) | (x[1] > 2)
         ).step()
 
 
 def test_in_contact_each_body_needs_its_own():
     grid = box(2)
     halves = [
-        MaterialPoints.fill(
+        mpm.MaterialPoints.fill(
             grid, SOIL, 4, inside=lambda x, low=low: (x[1] > low) & (x[1] < low + 1) & (x[0] < 3)
         )
         for low in (0, 1)
     ]
-    supports = [[Fixed(grid.facets("bottom"))], []]
-    run = Contact(
+    supports = [[mpm.Fixed(grid.facets("bottom"))], []]
+    run = mpm.Contact(
         *(
             (
-                Simulation(grid, body, QuasiStatic(1), [*held, Gravity((0.0, -9.81))]),
+                mpm.Simulation(grid, body, mpm.QuasiStatic(1), [*held, mpm.Gravity((0.0, -9.81))]),
                 body.surface("top", "bottom"),
             )
             for body, held in zip(halves, supports, strict=True)
@@ -108,6 +103,9 @@ def test_in_contact_each_body_needs_its_own():
 
 def test_dynamics_may_fly():
     grid = box(2)
-    Simulation(
-        grid, MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < 3), Newmark(1e-3), []
+    mpm.Simulation(
+        grid,
+        mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < 3),
+        mpm.Newmark(1e-3),
+        [],
     ).step()

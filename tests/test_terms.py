@@ -5,30 +5,12 @@ import numpy as np
 import pytest
 import ufl
 
-from mpm_fenicsx import (
-    MPM,
-    DeadLoad,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    Solver,
-    SurfacePoints,
-    Traction,
-    ViscoelasticBoundary,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.grid import dolfinx_versions
 
 DT = 0.01
-STEPPING = Newmark(DT)
-DIRECT = Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
+STEPPING = mpm.Newmark(DT)
+DIRECT = mpm.Solver(petsc={"ksp_type": "preonly", "pc_type": "lu"})
 
 
 @pytest.fixture
@@ -47,7 +29,7 @@ def system(grid, term, rng=None, start=0.3):
             f.x.array[:] = rng.normal(size=len(f.x.array))
     R = dense.vector(grid.space, work)
     derivative = ufl.derivative(work, motion.u, ufl.TrialFunction(grid.space))
-    K = None if isinstance(term, Traction) else dense.matrix(derivative)
+    K = None if isinstance(term, mpm.Traction) else dense.matrix(derivative)
     return R, K, scene
 
 
@@ -61,7 +43,7 @@ def markers(grid, rng, n=9):
         grid.upper_corner - grid.lower_corner
     )
     normal = rng.normal(size=x.shape)
-    return SurfacePoints(
+    return mpm.SurfacePoints(
         x, normal / np.linalg.norm(normal, axis=1)[:, None], rng.uniform(0.1, 0.5, n)
     )
 
@@ -69,13 +51,13 @@ def markers(grid, rng, n=9):
 # -- facets against surface points -----------------------------------------------------------------
 
 TERMS = {
-    "viscous": lambda on: ViscousBoundary(on, dense.SOFT),
-    "viscoelastic": lambda on: ViscoelasticBoundary(on, dense.SOFT, 3.0),
-    "constant traction": lambda on: Traction(on, tuple(np.arange(on_dim(on)) + 1.5)),
-    "traction of time": lambda on: Traction(
+    "viscous": lambda on: mpm.ViscousBoundary(on, dense.SOFT),
+    "viscoelastic": lambda on: mpm.ViscoelasticBoundary(on, dense.SOFT, 3.0),
+    "constant traction": lambda on: mpm.Traction(on, tuple(np.arange(on_dim(on)) + 1.5)),
+    "traction of time": lambda on: mpm.Traction(
         on, lambda t: np.sin(t) * (np.arange(on_dim(on)) + 1.5)
     ),
-    "traction of place": lambda on: Traction(
+    "traction of place": lambda on: mpm.Traction(
         on, lambda t, x: t * (x @ LINEAR[: on_dim(on), : on_dim(on)] + 0.3)
     ),
 }
@@ -83,7 +65,7 @@ LINEAR = np.array([[1.0, -2.0, 0.5], [0.3, 1.7, 2.0], [-1.0, 0.2, 0.9]])
 
 
 def on_dim(on):
-    return on.x.shape[1] if isinstance(on, SurfacePoints) else on.grid.dim
+    return on.x.shape[1] if isinstance(on, mpm.SurfacePoints) else on.grid.dim
 
 
 @pytest.mark.parametrize("side", ["bottom", "right"])
@@ -91,7 +73,7 @@ def on_dim(on):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_facets_and_surface_points_agree(dim, name, side):
     grid = dense.uneven(dim)
-    body = MaterialPoints.fill(grid, dense.SOIL, 2**dim)
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 2**dim)
     found = [
         system(grid, TERMS[name](on), np.random.default_rng(2))
         for on in (grid.facets(side), body.surface(side))
@@ -106,7 +88,7 @@ def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
     grid = dense.uneven(dim)
     surfaces = (
         grid.facets("bottom"),
-        MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("bottom"),
+        mpm.MaterialPoints.fill(grid, dense.SOIL, 2**dim).surface("bottom"),
     )
     increments = 1e-12 * rng.normal(
         size=(3, grid.nodes * dim)
@@ -114,7 +96,7 @@ def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
     found = []
     for on in surfaces:
         scene = dense.bare_scene(grid, STEPPING)
-        work = scene.bind([ViscoelasticBoundary(on, dense.SOFT, 3.0)])[-1].work
+        work = scene.bind([mpm.ViscoelasticBoundary(on, dense.SOFT, 3.0)])[-1].work
         for u in increments:
             scene.prepare(0.0, DT)
             scene.motion.u.x.array[:] = u
@@ -132,7 +114,7 @@ def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
 def test_dashpots_on_turned_surface_points_are_the_sum_by_hand(dim, rng):
     grid = dense.uneven(dim)
     on = markers(grid, rng)
-    _, K, _ = system(grid, ViscousBoundary(on, dense.SOFT))
+    _, K, _ = system(grid, mpm.ViscousBoundary(on, dense.SOFT))
     N = dense.hats(grid, on.x)
     Zp, Zs = (dense.SOFT.density * c for c in (dense.SOFT.p_speed, dense.SOFT.s_speed))
     nn = on.normal[:, :, None] * on.normal[:, None, :]
@@ -150,7 +132,7 @@ def test_a_uniform_velocity_meets_the_impedances(dim, rng):
         across = rng.normal(size=dim)
         across -= across @ n * n
         scene = dense.bare_scene(grid, STEPPING)
-        work = scene.bind([ViscousBoundary(on, dense.SOFT)])[-1].work
+        work = scene.bind([mpm.ViscousBoundary(on, dense.SOFT)])[-1].work
         scene.prepare(0.0, DT)
         for v, speed in ((n, dense.SOFT.p_speed), (across, dense.SOFT.s_speed)):
             scene.motion.nodal(scene.motion.u)[:] = (
@@ -165,14 +147,14 @@ def test_a_uniform_velocity_meets_the_impedances(dim, rng):
 @pytest.mark.parametrize(
     "make",
     [
-        lambda on: ViscousBoundary(on, dense.SOFT),
-        lambda on: ViscoelasticBoundary(on, dense.SOFT, 2.0),
+        lambda on: mpm.ViscousBoundary(on, dense.SOFT),
+        lambda on: mpm.ViscoelasticBoundary(on, dense.SOFT, 2.0),
     ],
 )
 def test_turning_the_normal_turns_the_force(make, rng):
     grid = dense.uneven(3)
     on, Q = markers(grid, rng), dense.rotation(rng, 3)
-    turned = SurfacePoints(on.x, on.normal @ Q.T, on.area)
+    turned = mpm.SurfacePoints(on.x, on.normal @ Q.T, on.area)
     K, KQ = (system(grid, make(s))[1].reshape(grid.nodes, 3, grid.nodes, 3) for s in (on, turned))
     same(KQ, np.einsum("ab,ibjc,dc->iajd", Q, K, Q))
 
@@ -182,8 +164,8 @@ def test_springs_add_their_stiffness(dim, rng):
     grid = dense.uneven(dim)
     on, r = markers(grid, rng), 1.7
     K = (
-        system(grid, ViscoelasticBoundary(on, dense.SOFT, r))[1]
-        - system(grid, ViscousBoundary(on, dense.SOFT))[1]
+        system(grid, mpm.ViscoelasticBoundary(on, dense.SOFT, r))[1]
+        - system(grid, mpm.ViscousBoundary(on, dense.SOFT))[1]
     )
     G = dense.SOFT.young / (2 * (1 + dense.SOFT.poisson))
     nn = on.normal[:, :, None] * on.normal[:, None, :]
@@ -198,25 +180,29 @@ def test_springs_add_their_stiffness(dim, rng):
 @pytest.mark.parametrize("direction", [0, 1])
 def test_a_stiff_block_on_springs_and_dashpots_is_an_oscillator(where, direction):
     """m a + c v + k U = m g over 40 steps, U the displacement since the start."""
-    grid = Grid.rectilinear([np.array([0, 0.4, 1.0]), np.array([-1.0, -0.4, 0.0, 0.3, 1.0])])
-    stiff = LinearElastic(young=1e12, poisson=0.0, density=2000.0)
-    rock, r, dt = LinearElastic(young=2e6, poisson=0.2, density=20.0), 2.0, 2e-3
+    grid = mpm.Grid.rectilinear([np.array([0, 0.4, 1.0]), np.array([-1.0, -0.4, 0.0, 0.3, 1.0])])
+    stiff = mpm.LinearElastic(young=1e12, poisson=0.0, density=2000.0)
+    rock, r, dt = mpm.LinearElastic(young=2e6, poisson=0.2, density=20.0), 2.0, 2e-3
     if where == "facets":
-        body = MaterialPoints.fill(grid, stiff, 4)
+        body = mpm.MaterialPoints.fill(grid, stiff, 4)
         on, height = grid.facets("bottom"), 2.0
     else:
-        body = MaterialPoints.fill(grid, stiff, 4, inside=lambda x: x[1] > -0.7)
+        body = mpm.MaterialPoints.fill(grid, stiff, 4, inside=lambda x: x[1] > -0.7)
         on, height = body.surface("bottom"), 1.7
 
     def push(t):
         return 1e-3 * np.sin(60 * t) * np.eye(2)[direction]
 
-    keep = Fixed(grid.facets("left", "right"), "x") if direction else Fixed(grid.facets("top"), "y")
-    run = Simulation(
+    keep = (
+        mpm.Fixed(grid.facets("left", "right"), "x")
+        if direction
+        else mpm.Fixed(grid.facets("top"), "y")
+    )
+    run = mpm.Simulation(
         grid,
         body,
-        Newmark(dt),
-        [keep, Gravity(push), ViscoelasticBoundary(on, rock, r)],
+        mpm.Newmark(dt),
+        [keep, mpm.Gravity(push), mpm.ViscoelasticBoundary(on, rock, r)],
         solver=DIRECT,
     )
     start = body.x.copy()
@@ -244,7 +230,7 @@ def test_a_stiff_block_on_springs_and_dashpots_is_an_oscillator(where, direction
 def test_a_traction_sums_to_its_resultant(dim, rng):
     grid = dense.uneven(dim)
     on = markers(grid, rng)
-    R, _, _ = system(grid, Traction(on, lambda t, x: t * x), start=0.3)
+    R, _, _ = system(grid, mpm.Traction(on, lambda t, x: t * x), start=0.3)
     np.testing.assert_allclose(-R.reshape(-1, dim).sum(axis=0), 0.31 * on.area @ on.x, rtol=1e-12)
 
 
@@ -253,12 +239,12 @@ def test_a_dead_load_keeps_its_force_where_the_surface_stretches(dim, rng):
     """A traction grows with the area."""
     grid = dense.uneven(dim)
     on, value = markers(grid, rng), np.arange(dim) + 1.0
-    force = {DeadLoad: on.area.sum() * value, Traction: 4.0 * on.area.sum() * value}
+    force = {mpm.DeadLoad: on.area.sum() * value, mpm.Traction: 4.0 * on.area.sum() * value}
     scene = dense.bare_scene(grid, STEPPING)
     terms = [
-        DeadLoad(on, lambda t, x: np.tile(value, (len(x), 1))),
-        DeadLoad(on, tuple(value)),
-        Traction(on, tuple(value)),
+        mpm.DeadLoad(on, lambda t, x: np.tile(value, (len(x), 1))),
+        mpm.DeadLoad(on, tuple(value)),
+        mpm.Traction(on, tuple(value)),
     ]
     work = [scene.bind([term])[-1].work for term in terms]
     on.area *= 4.0
@@ -274,9 +260,9 @@ def test_a_dead_load_keeps_its_force_in_the_next_run(rng):
     grid = dense.uneven(2)
     on = markers(grid, rng)
     force = on.area.sum() * np.array([1.0, 2.0])
-    system(grid, DeadLoad(on, (1.0, 2.0)))
+    system(grid, mpm.DeadLoad(on, (1.0, 2.0)))
     on.area *= 4.0
-    R, _, scene = system(grid, DeadLoad(on, (1.0, 2.0)))
+    R, _, scene = system(grid, mpm.DeadLoad(on, (1.0, 2.0)))
     np.testing.assert_allclose(-R.reshape(-1, 2).sum(axis=0), force, rtol=1e-12)
     kept = scene.patch(on).state()["rest_area"]
     assert kept is on.rest_area  # it goes into checkpoints
@@ -287,14 +273,14 @@ def test_a_dead_load_refuses_what_is_no_load(rng):
     with pytest.raises(
         ValueError, match="value of DeadLoad must give 2 finite numbers, got 'heavy'"
     ):
-        system(dense.uneven(2), DeadLoad(markers(dense.uneven(2), rng), "heavy"))
+        system(dense.uneven(2), mpm.DeadLoad(markers(dense.uneven(2), rng), "heavy"))
 
 
 def test_a_dead_load_on_facets_is_a_traction(rng):
     grid = dense.uneven(2)
     both = [
         system(grid, kind(grid.facets("top"), lambda t, x: t * x))[0]
-        for kind in (DeadLoad, Traction)
+        for kind in (mpm.DeadLoad, mpm.Traction)
     ]
     same(*both)
 
@@ -305,7 +291,7 @@ def test_gravity_is_the_weight(dim):
     scene = dense.bare_scene(grid, STEPPING)
     scene.density = 1500.0
     g = np.arange(1.0, dim + 1)
-    work = scene.bind([Gravity(lambda t: g * t)])[-1].work
+    work = scene.bind([mpm.Gravity(lambda t: g * t)])[-1].work
     scene.prepare(1.0, 2.0)
     force = -dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0)
     np.testing.assert_allclose(
@@ -323,7 +309,7 @@ def test_a_body_force_of_place_is_the_sum_over_the_points(dim, rng):
     def force(t, x):
         return t * (x @ LINEAR[:dim, :dim] + 0.3)
 
-    run = Simulation(grid, body, STEPPING, [Gravity(force)], MPM)
+    run = mpm.Simulation(grid, body, STEPPING, [mpm.Gravity(force)], mpm.MPM)
     done = run.contributions[-1].energy()["work"]
     run.locate()
     run.project()
@@ -343,8 +329,11 @@ def test_a_body_force_of_place_is_the_sum_over_the_points(dim, rng):
 def test_fixed_holds_its_components_and_no_others(dim, rng):
     grid = dense.uneven(dim)
     body = dense.random_body(grid, rng)
-    run = Simulation(
-        grid, body, Newmark(1e-3), [Fixed(grid.facets("left"), "y"), Fixed(grid.facets("bottom"))]
+    run = mpm.Simulation(
+        grid,
+        body,
+        mpm.Newmark(1e-3),
+        [mpm.Fixed(grid.facets("left"), "y"), mpm.Fixed(grid.facets("bottom"))],
     )
     run.step()
     u, x = run.motion.nodal(run.motion.u), grid.space.tabulate_dof_coordinates()
@@ -355,17 +344,22 @@ def test_fixed_holds_its_components_and_no_others(dim, rng):
     assert (u[~left & ~bottom] != 0.0).all()
 
 
-@pytest.mark.parametrize("stepping", [Newmark(1e-3), QuasiStatic(2)], ids=["dynamic", "static"])
+@pytest.mark.parametrize(
+    "stepping", [mpm.Newmark(1e-3), mpm.QuasiStatic(2)], ids=["dynamic", "static"]
+)
 def test_loads_take_their_value_at_the_end_of_the_step(stepping):
     grid, times = dense.uneven(2), []
-    body = MaterialPoints.fill(grid, dense.SOIL, 4)
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)
 
     def load(t):
         times.append(t)
         return 0.0, 0.0
 
-    run = Simulation(
-        grid, body, stepping, [Fixed(grid.facets("bottom")), Traction(grid.facets("top"), load)]
+    run = mpm.Simulation(
+        grid,
+        body,
+        stepping,
+        [mpm.Fixed(grid.facets("bottom")), mpm.Traction(grid.facets("top"), load)],
     )
     times.clear()
     run.step()
@@ -380,10 +374,10 @@ def test_loads_take_their_value_at_the_end_of_the_step(stepping):
 
 def both_kinds(grid, terms, stepping=STEPPING):
     return [
-        lambda: Simulation(
-            grid, MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim), stepping, terms
+        lambda: mpm.Simulation(
+            grid, mpm.MaterialPoints.fill(grid, dense.SOIL, 2**grid.dim), stepping, terms
         ),
-        lambda: FiniteElements(grid, dense.SOIL, stepping, terms),
+        lambda: mpm.FiniteElements(grid, dense.SOIL, stepping, terms),
     ]
 
 
@@ -396,7 +390,9 @@ def test_supports_that_move_a_corner_in_two_ways_are_refused_by_name_and_place(d
         (lambda t: t, lambda t: 2.0 * t),
         (lambda t: 2.0 * t, None),
     ):
-        for make in both_kinds(grid, [Fixed(left, "x", first), Fixed(bottom, value=second)]):
+        for make in both_kinds(
+            grid, [mpm.Fixed(left, "x", first), mpm.Fixed(bottom, value=second)]
+        ):
             with pytest.raises(
                 ValueError,
                 match=r"Fixed on left and Fixed on bottom share the node "
@@ -410,12 +406,12 @@ def test_supports_that_move_what_they_share_alike_are_taken():
     sides = [grid.facets(side) for side in ("left", "right", "bottom", "top")]
     for terms in (
         [
-            Fixed(sides[0], "x", lambda t: t),
-            Fixed(sides[2], "y", lambda t: 2 * t),
+            mpm.Fixed(sides[0], "x", lambda t: t),
+            mpm.Fixed(sides[2], "y", lambda t: 2 * t),
         ],  # other components
-        [Fixed(sides[0], "x", lambda t: t), Fixed(sides[1], "x")],  # no node in common
-        [Fixed(sides[0], "x", lambda t: 0.1 * t), Fixed(sides[2], "x", lambda t: t / 10)],
-        [Fixed(side) for side in sides],
+        [mpm.Fixed(sides[0], "x", lambda t: t), mpm.Fixed(sides[1], "x")],  # no node in common
+        [mpm.Fixed(sides[0], "x", lambda t: 0.1 * t), mpm.Fixed(sides[2], "x", lambda t: t / 10)],
+        [mpm.Fixed(side) for side in sides],
     ):
         for make in both_kinds(grid, terms):
             assert len(make().terms) == len(terms)
@@ -424,20 +420,21 @@ def test_supports_that_move_what_they_share_alike_are_taken():
 def test_supports_that_part_later_stop_the_run_there():
     grid = dense.uneven(2)
     terms = [
-        Fixed(grid.facets("left"), "x"),
-        Fixed(grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.255, 0.0)),
+        mpm.Fixed(grid.facets("left"), "x"),
+        mpm.Fixed(grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.255, 0.0)),
     ]
     for make in both_kinds(grid, terms):
         run = make()
         run.until(0.25)
         with pytest.raises(
-            RunError, match=r"step 26, t = 0\.26: Fixed on left and Fixed on bottom share the node"
+            mpm.RunError,
+            match=r"step 26, t = 0\.26: Fixed on left and Fixed on bottom share the node",
         ):
             run.step()
     with pytest.raises(ValueError, match=r"from t = 0\.5 to 0\.75"):
-        FiniteElements(
+        mpm.FiniteElements(
             grid,
             dense.SOIL,
-            QuasiStatic(4),
-            [terms[0], Fixed(grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.5, 0.0))],
+            mpm.QuasiStatic(4),
+            [terms[0], mpm.Fixed(grid.facets("bottom"), "x", lambda t: 1e-6 * max(t - 0.5, 0.0))],
         )

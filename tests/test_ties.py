@@ -7,39 +7,25 @@ import dense
 import numpy as np
 import pytest
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    DM_GCL,
-    GIMP,
-    Fixed,
-    GhostPenalty,
-    Gravity,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    RunError,
-    Simulation,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.scenes.slope import BODIES, SOIL, WEAK, WEAK_BLOCK, AtRest
 
-MAPPINGS = [GIMP, DM_G, DM_GC, DM_GCL]
+MAPPINGS = [mpm.GIMP, mpm.DM_G, mpm.DM_GC, mpm.DM_GCL]
 
 
-def cut_block(dim, cut, stepping, terms=(), mapping=DM_GC, soil=SOIL):
+def cut_block(dim, cut, stepping, terms=(), mapping=mpm.DM_GC, soil=SOIL):
     """Three cells each way and ``cut`` of a cell more, with room around, on lines that are not
     even."""
     lines = np.array([-0.5, -0.25, 0.0, 0.25, 0.55, 0.75, 1.0, 1.25])
-    grid = Grid.rectilinear([lines] * dim)
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.rectilinear([lines] * dim)
+    body = mpm.MaterialPoints.fill(
         grid, soil, 2**dim, inside=lambda x: ((x > 0) & (x < 0.75)).all(axis=0)
     )
     body.x += cut * 0.25
     body.stress[:, 2] = 1e-9  # a body that bears stress is one at rest, to be tied like one
-    run = Simulation(grid, body, stepping, [Gravity((0.0, -9.81, 0.0)[:dim]), *terms], mapping)
+    run = mpm.Simulation(
+        grid, body, stepping, [mpm.Gravity((0.0, -9.81, 0.0)[:dim]), *terms], mapping
+    )
     run.prepare(0.0, 1e-3)
     return run
 
@@ -50,7 +36,7 @@ def cut_block(dim, cut, stepping, terms=(), mapping=DM_GC, soil=SOIL):
 @pytest.mark.parametrize("dim", [2, 3])
 @pytest.mark.parametrize("cut", [1e-6, 1e-3, 0.3])
 def test_linear_motions_are_kept_and_so_are_forces_and_moments(dim, cut):
-    run = cut_block(dim, cut, Newmark(1e-3))
+    run = cut_block(dim, cut, mpm.Newmark(1e-3))
     ties, f = run.holding.ties, run.equilibrium.force
     x, nodal = run.grid.space.tabulate_dof_coordinates()[:, :dim], run.motion.nodal(f)
     tied, rng = ties.tied.reshape(-1, dim)[:, 0], np.random.default_rng(0)
@@ -68,7 +54,7 @@ def test_linear_motions_are_kept_and_so_are_forces_and_moments(dim, cut):
 
 
 def test_the_matrix_is_that_of_the_motions_left():
-    run = cut_block(2, 0.3, Newmark(1e-3))
+    run = cut_block(2, 0.3, mpm.Newmark(1e-3))
     run.equilibrium.assemble_tangent()
     K, P = dense.dense(run.equilibrium.matrix), dense.dense(run.holding.ties.P)
     used = ~(run.equilibrium.idle | run.holding.ties.tied)
@@ -81,31 +67,31 @@ def test_the_matrix_is_that_of_the_motions_left():
 def test_where_no_cell_is_cut_there_is_nothing():
     """No ties, and the matrix of blocks stays; with a term that holds cut cells, or told not to,
     not even the look."""
-    run = cut_block(2, 0.0, Newmark(1e-3))
+    run = cut_block(2, 0.0, mpm.Newmark(1e-3))
     assert run.holding.ties.P is None
     run.equilibrium.assemble_tangent()
     assert run.equilibrium.matrix.getType().endswith("baij")
     for other in (
-        cut_block(2, 0.3, Newmark(1e-3), [GhostPenalty()]),
-        cut_block(2, 0.3, Newmark(1e-3), mapping=replace(DM_GC, hold_cut_cells=False)),
+        cut_block(2, 0.3, mpm.Newmark(1e-3), [mpm.GhostPenalty()]),
+        cut_block(2, 0.3, mpm.Newmark(1e-3), mapping=replace(mpm.DM_GC, hold_cut_cells=False)),
     ):
         assert other.holding is None and other.equilibrium.ties is None
 
 
 def test_bodies_of_unlike_density_are_full_alike():
     """A light body beside a heavy one is not taken for a cut one."""
-    grid = Grid.box((0, 0), (4, 3), (4, 3))
+    grid = mpm.Grid.box((0, 0), (4, 3), (4, 3))
     heavy, light = (
-        MaterialPoints.fill(
+        mpm.MaterialPoints.fill(
             grid,
-            LinearElastic(20e6, 0.25, density),
+            mpm.LinearElastic(20e6, 0.25, density),
             4,
             inside=lambda x, low=low: (x[0] > low) & (x[0] < low + 2) & (x[1] < 2),
         )
         for low, density in ((0, 3000.0), (2, 30.0))
     )
     light.stress[:, 2] = 1e-9
-    run = Simulation(grid, [heavy, light], Newmark(1e-3), [Gravity((0.0, -9.81))])
+    run = mpm.Simulation(grid, [heavy, light], mpm.Newmark(1e-3), [mpm.Gravity((0.0, -9.81))])
     run.step()
     assert run.holding.ties.P is None
     light.x[:, 1] += 0.3
@@ -115,7 +101,7 @@ def test_bodies_of_unlike_density_are_full_alike():
 
 def test_a_cut_block_falls_freely():
     for dim in (2, 3):
-        run = cut_block(dim, 0.1, Newmark(1e-3))
+        run = cut_block(dim, 0.1, mpm.Newmark(1e-3))
         run.step()
         assert run.equilibrium._tied is not None
         for body in run.bodies:
@@ -127,11 +113,11 @@ def test_a_cut_block_falls_freely():
 
 
 CASES = [
-    ("slope", 0.3, DM_GC, SOIL),
-    ("step", 0.15, GIMP, WEAK),
-    ("embankment", 0.15, DM_G, SOIL),
-    ("block", 0.15, DM_GCL, WEAK_BLOCK),
-    ("block", 0.0, DM_GC, SOIL),
+    ("slope", 0.3, mpm.DM_GC, SOIL),
+    ("step", 0.15, mpm.GIMP, WEAK),
+    ("embankment", 0.15, mpm.DM_G, SOIL),
+    ("block", 0.15, mpm.DM_GCL, WEAK_BLOCK),
+    ("block", 0.0, mpm.DM_GC, SOIL),
 ]
 NAMES = [
     f"{name}-{offset}-{mapping}-{type(soil).__name__}" for name, offset, mapping, soil in CASES
@@ -155,18 +141,24 @@ def test_any_body_settles_and_nothing_moves_when_its_edges_become_dashpots(
 
 
 def test_left_alone_a_slope_does_not_settle_and_says_where():
-    grid = Grid.box((0, 0), (4, 2.5), (16, 10))
-    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] + x[1] < 3) & (x[1] < 2))
+    grid = mpm.Grid.box((0, 0), (4, 2.5), (16, 10))
+    body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] + x[1] < 3) & (x[1] < 2))
     body.x += 0.3 * 0.25
-    run = Simulation(
+    run = mpm.Simulation(
         grid,
         body,
-        QuasiStatic(1),
-        [Gravity((0.0, -9.81)), Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"))],
-        replace(DM_GC, hold_cut_cells=False),
+        mpm.QuasiStatic(1),
+        [
+            mpm.Gravity((0.0, -9.81)),
+            mpm.Fixed(grid.facets("left"), "x"),
+            mpm.Fixed(grid.facets("bottom")),
+        ],
+        replace(mpm.DM_GC, hold_cut_cells=False),
     )
     run.step()
-    with pytest.raises(RunError, match=r"out of balance by .* after 40 steps .* N at the node x="):
+    with pytest.raises(
+        mpm.RunError, match=r"out of balance by .* after 40 steps .* N at the node x="
+    ):
         run.settle(steps=40)
     assert run.equilibrium.strict == run.balance()[1]
 
@@ -174,21 +166,21 @@ def test_left_alone_a_slope_does_not_settle_and_says_where():
 def test_the_strict_figure_stays():
     """With every node on its own a settled body is out of balance where it is cut: 7e-3 of the
     forces at work."""
-    rest = AtRest("block", 0.15, DM_GC)
+    rest = AtRest("block", 0.15, mpm.DM_GC)
     assert rest.static.balance()[1] < 1e-10 < 1e-4 < rest.static.equilibrium.strict
 
 
 def test_dashpots_that_drift_over_a_line_use_ties_and_leave_them():
-    grid = Grid.box((0, -1), (1, 3), (4, 16))
-    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[1] > 0) & (x[1] < 2))
+    grid = mpm.Grid.box((0, -1), (1, 3), (4, 16))
+    body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[1] > 0) & (x[1] < 2))
     body.velocity = np.tile([0.0, -50.0], (len(body), 1))
-    run = Simulation(
+    run = mpm.Simulation(
         grid,
         body,
-        Newmark(1e-3),
+        mpm.Newmark(1e-3),
         [
-            Fixed(grid.facets("left", "right"), "x"),
-            ViscousBoundary(body.surface("bottom"), LinearElastic(1e2, 0.0, 1.0)),
+            mpm.Fixed(grid.facets("left", "right"), "x"),
+            mpm.ViscousBoundary(body.surface("bottom"), mpm.LinearElastic(1e2, 0.0, 1.0)),
         ],
     )
     tied = []

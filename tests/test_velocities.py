@@ -8,30 +8,16 @@ import numpy as np
 import plastic
 import pytest
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    GIMP,
-    MAPPINGS,
-    MPM,
-    Fixed,
-    Gravity,
-    Grid,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-    flip,
-    trapezoidal,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.grid import dolfinx_versions, weak_forms
 from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED
 
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 SWEEPS = pytest.mark.parametrize("sweeps", [0, 1, 3])
-METHODS = pytest.mark.parametrize("mapping", MAPPINGS, ids=str)
+METHODS = pytest.mark.parametrize("mapping", mpm.MAPPINGS, ids=str)
 PAPER = [
     replace(mapping, name=f"{mapping}, double-mapped mass", mass=DOUBLE_MAPPED)
-    for mapping in (DM_G, DM_GC)
+    for mapping in (mpm.DM_G, mpm.DM_GC)
 ]
 
 
@@ -56,7 +42,7 @@ def scene(dim, mapping, sweeps, rng):
             (dense.SOFT, lambda x: (x[0] > 0.5) & (x[1] < 0.15)),
         )
     ]
-    return Simulation(grid, bodies, Newmark(1e-3), [], replace(mapping, sweeps=sweeps))
+    return mpm.Simulation(grid, bodies, mpm.Newmark(1e-3), [], replace(mapping, sweeps=sweeps))
 
 
 @SWEEPS
@@ -78,7 +64,7 @@ def test_a_rigid_translation_stays_one(dim, mapping, sweeps):
     np.testing.assert_array_equal(v[mass == 0.0], 0.0)
 
 
-@pytest.mark.parametrize("mapping", [*MAPPINGS, *PAPER], ids=str)
+@pytest.mark.parametrize("mapping", [*mpm.MAPPINGS, *PAPER], ids=str)
 @DIMS
 def test_sweeps_leave_the_momentum_and_summed_mass_gives_that_of_the_points(dim, mapping):
     """1ᵀM(2 − M̄⁻¹M) = 1ᵀM.  Double-mapped mass weighs nodes otherwise than the deposit where cells
@@ -102,7 +88,7 @@ def test_double_mapped_mass_gives_the_momentum_of_the_points_where_the_grid_is_f
     grid, rng = dense.uneven(dim), np.random.default_rng(1)
     body = dense.tiles(grid, rng)
     body.velocity = rng.normal(size=body.x.shape)
-    run = Simulation(grid, body, Newmark(1e-3), [], mapping)
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], mapping)
     deposited(run)
     work = weak_forms.inertia(run.scene.density, run.motion.v, run.motion.w) * run.scene.dx
     on_grid = dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0)
@@ -128,11 +114,13 @@ def test_a_linear_field_comes_back_where_the_points_around_a_node_are_even_and_n
 ):
     """Each sweep reaches one node further: what the edge of the body spoils is one row, and one
     more a sweep."""
-    grid = Grid.box((0, 0), (10, 10), (10, 10))
-    body = MaterialPoints.fill(grid, dense.SOIL, 9)
+    grid = mpm.Grid.box((0, 0), (10, 10), (10, 10))
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 9)
     A = np.array([[1.0, -2.0], [0.5, 3.0]])
     body.velocity = body.x @ A.T
-    v, _, _ = deposited(Simulation(grid, body, Newmark(1e-3), [], replace(GIMP, sweeps=sweeps)))
+    v, _, _ = deposited(
+        mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], replace(mpm.GIMP, sweeps=sweeps))
+    )
     x = grid.space.tabulate_dof_coordinates()[:, :2]
     depth = np.minimum(x, 10 - x).min(axis=1)
     error = np.abs(v - x @ A.T).max(axis=1)
@@ -142,9 +130,9 @@ def test_a_linear_field_comes_back_where_the_points_around_a_node_are_even_and_n
 
 def roundtrip(mapping, sweeps, jitter):
     """Error of a wave of 8 cells that went from the grid to the points and is deposited again."""
-    grid = Grid.box((0, 0), (16, 1), (16, 1))
-    body = MaterialPoints.fill(grid, dense.SOIL, 16, jitter=jitter)
-    run = Simulation(grid, body, Newmark(1e-3), [], replace(mapping, sweeps=sweeps))
+    grid = mpm.Grid.box((0, 0), (16, 1), (16, 1))
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 16, jitter=jitter)
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], replace(mapping, sweeps=sweeps))
     run.locate()
     wave = np.cos(2 * np.pi / 8 * grid.space.tabulate_dof_coordinates()[:, :1]) * np.array(
         [[1.0, 0.0]]
@@ -154,7 +142,7 @@ def roundtrip(mapping, sweeps, jitter):
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.3])
-@pytest.mark.parametrize("mapping", [MPM, GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.MPM, mpm.GIMP, mpm.DM_GC], ids=str)
 def test_one_sweep_takes_most_of_the_smoothing_out(mapping, jitter):
     assert roundtrip(mapping, 1, jitter) < roundtrip(mapping, 0, jitter) / 3
 
@@ -162,16 +150,16 @@ def test_one_sweep_takes_most_of_the_smoothing_out(mapping, jitter):
 def test_each_sweep_takes_the_same_share_out():
     """Even points, linear shape functions: the wave is an eigenvector of M̄⁻¹M with 1 - e, and
     e^(k+1) is left."""
-    e = roundtrip(MPM, 0, 0.0)
+    e = roundtrip(mpm.MPM, 0, 0.0)
     assert e == pytest.approx((1 - np.cos(np.pi / 4)) / 3, rel=0.05)
     for sweeps in (1, 2, 4):
-        assert roundtrip(MPM, sweeps, 0.0) == pytest.approx(e ** (sweeps + 1), rel=1e-6)
+        assert roundtrip(mpm.MPM, sweeps, 0.0) == pytest.approx(e ** (sweeps + 1), rel=1e-6)
 
 
 # -- transfers -------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("transfer", [trapezoidal, flip])
+@pytest.mark.parametrize("transfer", [mpm.trapezoidal, mpm.flip])
 def test_a_transfer_is_exact_for_a_constant_acceleration(transfer):
     rng = np.random.default_rng(3)
     weights = rng.dirichlet(np.ones(6), size=9)
@@ -179,7 +167,7 @@ def test_a_transfer_is_exact_for_a_constant_acceleration(transfer):
     v, a = weights @ v0, np.tile(g, (9, 1))
     start = v.copy()
     before, after = (v0, np.tile(g, (6, 1))), (v0 + g * dt, np.tile(g, (6, 1)))
-    transfer(v, a, lambda nodal: weights @ nodal, before, after, Newmark(dt))
+    transfer(v, a, lambda nodal: weights @ nodal, before, after, mpm.Newmark(dt))
     np.testing.assert_allclose(v, start + g * dt, rtol=1e-13)
     np.testing.assert_allclose(a, np.tile(g, (9, 1)), rtol=1e-13)
 
@@ -191,38 +179,42 @@ def test_transfers_by_their_formulae():
     weights = rng.dirichlet(np.ones(6), size=9)
     before, after = tuple(rng.normal(size=(2, 6, 3))), tuple(rng.normal(size=(2, 6, 3)))
     v, a = rng.normal(size=(2, 9, 3))
-    for transfer in (flip, trapezoidal):
+    for transfer in (mpm.flip, mpm.trapezoidal):
         new = v.copy(), a.copy()
         transfer(
-            *new, lambda nodal: weights @ nodal, before, after, Newmark(0.2, beta=0.35, gamma=0.7)
+            *new,
+            lambda nodal: weights @ nodal,
+            before,
+            after,
+            mpm.Newmark(0.2, beta=0.35, gamma=0.7),
         )
-        change = after[0] - before[0] if transfer is flip else None
+        change = after[0] - before[0] if transfer is mpm.flip else None
         exact = v + (
-            weights @ change if transfer is flip else 0.06 * a + 0.14 * (weights @ after[1])
+            weights @ change if transfer is mpm.flip else 0.06 * a + 0.14 * (weights @ after[1])
         )
         np.testing.assert_allclose(new[0], exact, rtol=1e-13)
         np.testing.assert_allclose(new[1], weights @ after[1], rtol=1e-13)
 
 
 @SWEEPS
-@pytest.mark.parametrize("transfer", [trapezoidal, flip])
-@pytest.mark.parametrize("mapping", [MPM, DM_GC], ids=str)
+@pytest.mark.parametrize("transfer", [mpm.trapezoidal, mpm.flip])
+@pytest.mark.parametrize("mapping", [mpm.MPM, mpm.DM_GC], ids=str)
 def test_a_body_that_falls_with_constant_acceleration_is_where_it_should_be(
     mapping, transfer, sweeps
 ):
-    grid = Grid.rectilinear([np.array([0, 0.4, 0.9, 1.5, 2.0])] * 2)
+    grid = mpm.Grid.rectilinear([np.array([0, 0.4, 0.9, 1.5, 2.0])] * 2)
     g = np.array([4.0, 2.0])
     dt = 0.05
-    body = MaterialPoints.fill(
+    body = mpm.MaterialPoints.fill(
         grid, dense.SOIL, 4, jitter=0.4, inside=lambda x: ((x > 0.4) & (x < 1.0)).all(axis=0)
     )
     body.acceleration = np.tile(g, (len(body), 1))
     start = body.x.copy()
-    run = Simulation(
+    run = mpm.Simulation(
         grid,
         body,
-        Newmark(dt),
-        [Gravity(tuple(g))],
+        mpm.Newmark(dt),
+        [mpm.Gravity(tuple(g))],
         replace(mapping, sweeps=sweeps, transfer=transfer),
         plastic.DIRECT,
     )
@@ -243,12 +235,12 @@ def test_sweeps_are_paid_for_only_where_they_are_asked_for(monkeypatch):
     for sweeps in (0, 2):
         compiled.clear()
         grid = dense.uneven(2)
-        run = Simulation(
+        run = mpm.Simulation(
             grid,
-            MaterialPoints.fill(grid, dense.SOIL, 4),
-            Newmark(1e-3),
-            [Fixed(grid.facets("bottom"))],
-            replace(DM_GC, sweeps=sweeps),
+            mpm.MaterialPoints.fill(grid, dense.SOIL, 4),
+            mpm.Newmark(1e-3),
+            [mpm.Fixed(grid.facets("bottom"))],
+            replace(mpm.DM_GC, sweeps=sweeps),
         )
         counts.append(len(compiled))
         assert hasattr(run.deposit, "_smooth") is bool(sweeps)
@@ -258,4 +250,4 @@ def test_sweeps_are_paid_for_only_where_they_are_asked_for(monkeypatch):
 @pytest.mark.parametrize("sweeps", [-1, 0.5, "many"])
 def test_refusals(sweeps):
     with pytest.raises(ValueError, match=f"sweeps must be a .*got {sweeps!r}"):
-        replace(DM_GC, sweeps=sweeps)
+        replace(mpm.DM_GC, sweeps=sweeps)

@@ -12,25 +12,7 @@ import pytest
 from plastic import ELASTIC, EXACT, LAW, STIFFLY
 from test_ranks import difference, environment, mpiexec
 
-from mpm_fenicsx import (
-    CMPM,
-    DM,
-    DM_C,
-    DM_G,
-    DM_GC,
-    GIMP,
-    MPM,
-    FiniteElements,
-    Fixed,
-    Grid,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-    Solver,
-    Traction,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 
 DIMS = pytest.mark.parametrize("dim", [2, 3])
@@ -87,14 +69,14 @@ def pairs(run):
     }
 
 
-@pytest.mark.parametrize("mapping", [DM, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.DM, mpm.DM_GC], ids=str)
 @DIMS
 def test_weights_are_the_double_mapping(dim, mapping):
     grid = dense.uneven(dim)
     body = dense.random_body(
         grid, np.random.default_rng(0), material=LAW, inside=lambda x: x[0] + x[1] < 1.2
     )
-    run = plastic.prepared(Simulation(grid, body, Newmark(1e-3), [], mapping))
+    run = plastic.prepared(mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], mapping))
     found, exact = pairs(run), weights_by_hand(grid, body, mapping.support)
     assert set(found) <= set(exact)
     for key, w in exact.items():
@@ -119,8 +101,8 @@ def test_uniform_points_that_fill_the_grid_answer_like_the_law_at_the_gauss_poin
     state, history = np.zeros((1, tensors.components(dim))), np.zeros((1, 1))
     plastic.unrest(rng, state, history)
     body.stress[:], body.history[:] = state, history
-    points = plastic.prepared(Simulation(grid, body, QuasiStatic(1), [], DM_GC))
-    twin = FiniteElements(grid, LAW, QuasiStatic(1), [])
+    points = plastic.prepared(mpm.Simulation(grid, body, mpm.QuasiStatic(1), [], mpm.DM_GC))
+    twin = mpm.FiniteElements(grid, LAW, mpm.QuasiStatic(1), [])
     u = 1e-3 * rng.normal(size=len(points.motion.u.x.array))
     points.motion.u.x.array[:] = u
     points.yielding.evaluate()
@@ -143,7 +125,7 @@ def test_uniform_points_that_fill_the_grid_answer_like_the_law_at_the_gauss_poin
     np.testing.assert_allclose(twin.yielding.stress.rows, beyond, atol=1e-12 * np.abs(beyond).max())
 
 
-@pytest.mark.parametrize("mapping", [DM_G, DM_GC, DM], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.DM_G, mpm.DM_GC, mpm.DM], ids=str)
 @DIMS
 def test_the_first_plastic_step_of_a_full_grid_is_that_of_finite_elements(dim, mapping):
     rng = np.random.default_rng(6)
@@ -153,9 +135,11 @@ def test_the_first_plastic_step_of_a_full_grid_is_that_of_finite_elements(dim, m
         body = (
             dense.tiles(grid, rng, material=LAW)
             if mapping.support
-            else MaterialPoints.fill(grid, LAW, 2**dim)
+            else mpm.MaterialPoints.fill(grid, LAW, 2**dim)
         )
-        run = plastic.run_of(kind, grid, QuasiStatic(1), plastic.loads(grid), body, solver=EXACT)
+        run = plastic.run_of(
+            kind, grid, mpm.QuasiStatic(1), plastic.loads(grid), body, solver=EXACT
+        )
         run.step()
         assert run.yielding.active
         assert run.equilibrium.solves > 2
@@ -171,27 +155,27 @@ def at_unrest(kind, grid, seed=7, half=1.0):
     ready."""
     rng = np.random.default_rng(seed)
     if kind is None:
-        run = FiniteElements(grid, LAW, Newmark(0.1), [], solver=Solver(newton=STIFFLY))
+        run = mpm.FiniteElements(grid, LAW, mpm.Newmark(0.1), [], solver=mpm.Solver(newton=STIFFLY))
         plastic.unrest(rng, run.yielding.state, run.yielding.history)
         run.yielding._elastic[:] = run.yielding.state + 1e3 * rng.normal(
             size=run.yielding.state.shape
         )
     else:
         bodies = [
-            MaterialPoints.fill(grid, law, 2**grid.dim, jitter=0.4, seed=seed, inside=inside)
+            mpm.MaterialPoints.fill(grid, law, 2**grid.dim, jitter=0.4, seed=seed, inside=inside)
             for law, inside in ((LAW, lambda x: x[0] < 0.5), (ELASTIC, lambda x: x[0] > 0.5))
         ]
         plastic.unrest(rng, bodies[0].stress, bodies[0].history)
         for body in bodies:
             body.half *= half
-        run = Simulation(grid, bodies, Newmark(0.1), [], kind)
+        run = mpm.Simulation(grid, bodies, mpm.Newmark(0.1), [], kind)
     plastic.prepared(run)
     run.motion.u.x.array[:] = 4e-4 * rng.normal(size=len(run.motion.u.x.array))
     assert run.yielding.evaluate()
     return run
 
 
-@pytest.mark.parametrize("kind", [None, DM_GC], ids=name)
+@pytest.mark.parametrize("kind", [None, mpm.DM_GC], ids=name)
 @DIMS
 def test_tangent_rows_are_the_derivative_of_stress_rows(dim, kind):
     run = at_unrest(kind, dense.uneven(dim))
@@ -242,16 +226,18 @@ def mismatch(run):
     return np.abs(matrix - differences).max() / np.abs(differences).max()
 
 
-@pytest.mark.parametrize("kind", [None, MPM, DM, DM_C, DM_G, DM_GC], ids=name)
+@pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.DM, mpm.DM_C, mpm.DM_G, mpm.DM_GC], ids=name)
 def test_the_matrix_is_the_derivative_of_the_residual(kind):
     assert mismatch(at_unrest(kind, dense.uneven(2))) < 1e-5
 
 
-@pytest.mark.parametrize("kind", [None, MPM, DM_GC], ids=name)
+@pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.DM_GC], ids=name)
 def test_the_matrix_is_the_derivative_of_the_residual_in_3d(kind):
     assert (
         mismatch(
-            at_unrest(kind, Grid.rectilinear([np.array([0.0, 0.4, 1.0]), [0.0, 0.7], [0.0, 0.5]]))
+            at_unrest(
+                kind, mpm.Grid.rectilinear([np.array([0.0, 0.4, 1.0]), [0.0, 0.7], [0.0, 0.5]])
+            )
         )
         < 1e-5
     )
@@ -260,25 +246,25 @@ def test_the_matrix_is_the_derivative_of_the_residual_in_3d(kind):
 def test_support_domains_make_the_matrix_of_gimp_nearly_the_derivative():
     """∇S∇S of the residual's derivative is a product of means, ∇N∇N of the matrix the mean of the
     product: the difference goes with the square of small support domains."""
-    gaps = [mismatch(at_unrest(GIMP, dense.uneven(2), half=half)) for half in (1.0, 0.04, 0.02)]
+    gaps = [mismatch(at_unrest(mpm.GIMP, dense.uneven(2), half=half)) for half in (1.0, 0.04, 0.02)]
     assert 1e-3 < gaps[0] < 0.5
     assert np.log2(gaps[1] / gaps[2]) > 1.9
 
 
 def test_the_matrix_of_cmpm_is_not_the_derivative():
     """Its force uses the gradients of the cell, its law those of the patch."""
-    assert mismatch(at_unrest(CMPM, dense.uneven(2))) > 1e-2
+    assert mismatch(at_unrest(mpm.CMPM, dense.uneven(2))) > 1e-2
 
 
 # -- where nothing yields --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [None, MPM, GIMP, DM_G, DM_GC], ids=name)
+@pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.GIMP, mpm.DM_G, mpm.DM_GC], ids=name)
 def test_far_below_yield_it_is_the_elastic_scene(kind):
     found = []
-    for law in (ELASTIC, VonMises(ELASTIC, 1e9, 1e9, 0.0)):
+    for law in (ELASTIC, mpm.VonMises(ELASTIC, 1e9, 1e9, 0.0)):
         grid = dense.uneven(2)
-        run = plastic.run_of(kind, grid, Newmark(1e-3), plastic.loads(grid, 10.0), law=law)
+        run = plastic.run_of(kind, grid, mpm.Newmark(1e-3), plastic.loads(grid, 10.0), law=law)
         run.until(5e-3)
         assert run.equilibrium.solves == 5
         found.append(run)
@@ -306,7 +292,7 @@ def test_far_below_yield_it_is_the_elastic_scene(kind):
 # -- Newton on real scenes -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", [None, MPM, DM_G, DM_GC], ids=name)
+@pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.DM_G, mpm.DM_GC], ids=name)
 def test_newton_converges_quadratically(kind):
     run = plastic.static(kind, STIFFLY)
     norms = plastic.residuals(run)
@@ -326,23 +312,23 @@ def test_newton_converges_quadratically(kind):
 def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
     """Uniaxial strain into the residual range: the traction that it bears is the law's stress at
     its strain."""
-    grid = Grid.box((0,) * dim, (2.0,) * dim, (1,) * dim)
-    law = VonMises(ELASTIC, 10e3, 6e3, 1e6)
+    grid = mpm.Grid.box((0,) * dim, (2.0,) * dim, (1,) * dim)
+    law = mpm.VonMises(ELASTIC, 10e3, 6e3, 1e6)
     held = {"left": "x", "right": "x", "bottom": "y", "top": "y"}
     base, top, up = ("bottom", "top", 1) if dim == 2 else ("back", "front", 2)
-    sides = [Fixed(grid.facets(side), held[side]) for side in list(held)[: 2 * dim - 2]]
+    sides = [mpm.Fixed(grid.facets(side), held[side]) for side in list(held)[: 2 * dim - 2]]
     load = np.zeros(dim)
     load[up] = -1e5
-    run = FiniteElements(
+    run = mpm.FiniteElements(
         grid,
         law,
-        QuasiStatic(10),
+        mpm.QuasiStatic(10),
         [
             *sides,
-            Fixed(grid.facets(base), "xyz"[up]),
-            Traction(grid.facets(top), lambda t: load * np.sin(np.pi * t)),
+            mpm.Fixed(grid.facets(base), "xyz"[up]),
+            mpm.Traction(grid.facets(top), lambda t: load * np.sin(np.pi * t)),
         ],
-        solver=Solver(newton=STIFFLY),
+        solver=mpm.Solver(newton=STIFFLY),
     )
     stress, history, before = np.zeros((1, tensors.components(dim))), np.zeros((1, 1)), 0.0
     for _ in range(10):
@@ -360,16 +346,16 @@ def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
     assert history[0, 0] > (law.peak - law.residual) / law.softening
 
 
-@pytest.mark.parametrize("mapping", [MPM, DM_G, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.MPM, mpm.DM_G, mpm.DM_GC], ids=str)
 @DIMS
 def test_simple_shear_of_a_block_is_the_same_in_finite_elements_and_at_points(dim, mapping):
     """The shear is imposed, step by step, through softening to the residual strength and back."""
     grid = dense.uneven(dim)
-    body = MaterialPoints.fill(
+    body = mpm.MaterialPoints.fill(
         grid, LAW, 3**dim, jitter=0.4, inside=lambda x: ((x > 0.1) & (x < 0.9)).all(axis=0)
     )
-    points = Simulation(grid, body, QuasiStatic(40), [], mapping)
-    twin = FiniteElements(grid, LAW, QuasiStatic(40), [])
+    points = mpm.Simulation(grid, body, mpm.QuasiStatic(40), [], mapping)
+    twin = mpm.FiniteElements(grid, LAW, mpm.QuasiStatic(40), [])
     stress, history = np.zeros((1, tensors.components(dim))), np.zeros((1, 1))
     for step in range(40):
         γ = 1.5e-3 if step < 30 else -1.5e-3
@@ -397,12 +383,12 @@ def test_simple_shear_of_a_block_is_the_same_in_finite_elements_and_at_points(di
 # -- more than one body ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("mapping", [GIMP, DM_GC], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.GIMP, mpm.DM_GC], ids=str)
 def test_two_bodies_of_one_law_are_one_and_an_elastic_one_has_no_history(mapping):
     def solved(*halves):
         grid = dense.uneven(2)
-        bodies = [MaterialPoints.fill(grid, law, 4, inside=inside) for law, inside in halves]
-        run = Simulation(grid, bodies, QuasiStatic(2), plastic.loads(grid), mapping, EXACT)
+        bodies = [mpm.MaterialPoints.fill(grid, law, 4, inside=inside) for law, inside in halves]
+        run = mpm.Simulation(grid, bodies, mpm.QuasiStatic(2), plastic.loads(grid), mapping, EXACT)
         run.until(1.0)
         return bodies
 

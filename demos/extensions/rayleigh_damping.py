@@ -14,18 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from ufl import inner
 
-from mpm_fenicsx import (
-    DM_GC,
-    Contribution,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.terms.body import elastic_work
 
 
@@ -40,7 +29,7 @@ class RayleighDamping:
     beta: float
     material: object = None
 
-    def bind(self, scene) -> Contribution:
+    def bind(self, scene) -> mpm.Contribution:
         """Virtual work of the damping forces, and the energy they take."""
         if not scene.motion.stepping.dynamic:
             raise ValueError("RayleighDamping needs velocities: step with Newmark")
@@ -54,39 +43,42 @@ class RayleighDamping:
         def energy() -> dict[str, object]:
             return {"damped": work(motion.u / motion.dt, motion.u)}
 
-        return Contribution(work(motion.velocity, motion.w), energy=energy)
+        return mpm.Contribution(work(motion.velocity, motion.w), energy=energy)
 
 
 def energy_left(
-    mapping=DM_GC, ratio: float = 0.02, cells: int = 40, periods: int = 2
+    mapping=mpm.DM_GC, ratio: float = 0.02, cells: int = 40, periods: int = 2
 ) -> tuple[float, float]:
     """Energy of a standing compression wave after some periods over that at the start, and the
     exact one, exp(-2 ζ ω t) with ζ = ``ratio``, half of it by mass and half by stiffness.
 
     ``mapping``: of material points, or None for finite elements; ``cells`` a wavelength.
     """
-    soil, length = LinearElastic(young=1e7, poisson=0.25, density=1800.0), 1.0
+    soil, length = mpm.LinearElastic(young=1e7, poisson=0.25, density=1800.0), 1.0
     ω, h = np.pi * soil.p_speed / length, 2.0 * length / cells
     damping = RayleighDamping(alpha=ratio * ω, beta=ratio / ω)
-    grid = Grid.box((0.0, 0.0), (length, 2 * h), (cells // 2, 2))
-    walls = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
+    grid = mpm.Grid.box((0.0, 0.0), (length, 2 * h), (cells // 2, 2))
+    walls = [
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom", "top"), "y"),
+    ]
     t = periods * 2.0 * np.pi / (ω * np.sqrt(1.0 - ratio**2))
     steps = round(t / (0.5 * h / soil.p_speed))
     if mapping is None:
-        run = FiniteElements(grid, soil, Newmark(t / steps), [*walls, damping])
+        run = mpm.FiniteElements(grid, soil, mpm.Newmark(t / steps), [*walls, damping])
         x = grid.space.tabulate_dof_coordinates()[:, 0]
         run.motion.nodal(run.motion.v)[:, 0] = np.sin(np.pi * x / length)
     else:
-        body = MaterialPoints.fill(grid, soil, 4)
+        body = mpm.MaterialPoints.fill(grid, soil, 4)
         body.velocity = np.zeros_like(body.x)
         body.velocity[:, 0] = np.sin(np.pi * body.x[:, 0] / length)
-        run = Simulation(grid, body, Newmark(t / steps), [*walls, damping], mapping)
-    energy = run.record(Energy())
+        run = mpm.Simulation(grid, body, mpm.Newmark(t / steps), [*walls, damping], mapping)
+    energy = run.record(mpm.Energy())
     run.until(t)
     return energy.left[-1] / energy.left[0], float(np.exp(-2.0 * ratio * ω * t))
 
 
 if __name__ == "__main__":
-    for mapping in (None, DM_GC):
+    for mapping in (None, mpm.DM_GC):
         computed, exact = energy_left(mapping)
         print(f"{mapping or 'FE'}: energy left {computed:.5f}, exact {exact:.5f}")

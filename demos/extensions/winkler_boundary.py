@@ -13,17 +13,7 @@ from dataclasses import dataclass
 
 from ufl import inner
 
-from mpm_fenicsx import (
-    Contribution,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Probe,
-    QuasiStatic,
-    Simulation,
-    Traction,
-)
+import mpm_fenicsx as mpm
 
 
 @dataclass(frozen=True)
@@ -37,7 +27,7 @@ class WinklerBoundary:
     normal: float
     shear: float = 0.0
 
-    def bind(self, scene) -> Contribution:
+    def bind(self, scene) -> mpm.Contribution:
         """Virtual work ∫ (k u)·w, and the energy stored."""
         patch, motion = scene.patch(self.on), scene.motion
         k, borne = patch.tensor(self.normal, self.shear), patch.stored(self.normal, self.shear)
@@ -46,32 +36,32 @@ class WinklerBoundary:
         def energy() -> dict[str, object]:
             return {"stored": inner(0.5 * k * motion.u + borne, motion.u) * patch.measure}
 
-        return Contribution(work, energy=energy, holds=True)
+        return mpm.Contribution(work, energy=energy, holds=True)
 
 
 def settled(load: float = 1e3, height: float = 2.0, stiffness: float = 5e5) -> tuple[float, float]:
     """Settlement (m) of the top of an elastic block on Winkler's bed, and the exact one, p/k + p
     h/E."""
-    soil = LinearElastic(young=1e6, poisson=0.0, density=1800.0)
-    grid = Grid.box((0.0, -0.5), (1.0, height), (4, 10))  # room to sink
-    body = MaterialPoints.fill(grid, soil, 4, lambda x: x[1] > 0.0)
-    run = Simulation(
+    soil = mpm.LinearElastic(young=1e6, poisson=0.0, density=1800.0)
+    grid = mpm.Grid.box((0.0, -0.5), (1.0, height), (4, 10))  # room to sink
+    body = mpm.MaterialPoints.fill(grid, soil, 4, lambda x: x[1] > 0.0)
+    run = mpm.Simulation(
         grid,
         body,
-        QuasiStatic(1),
+        mpm.QuasiStatic(1),
         [
-            Fixed(grid.facets("left", "right"), "x"),
-            Traction(body.surface("top"), (0.0, -load)),
+            mpm.Fixed(grid.facets("left", "right"), "x"),
+            mpm.Traction(body.surface("top"), (0.0, -load)),
             WinklerBoundary(body.surface("bottom"), stiffness),
         ],
     )
-    top = run.record(Probe("displacement", (0.5, height)))
+    top = run.record(mpm.Probe("displacement", (0.5, height)))
     run.step()
     run.settle()
     return -run_value(run, top), load / stiffness + load * height / soil.young
 
 
-def run_value(run, probe: Probe) -> float:
+def run_value(run, probe: mpm.Probe) -> float:
     """Vertical displacement (m) at a probe now."""
     probe(run)
     return float(probe.values[-1, 1])

@@ -23,18 +23,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from .. import (
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    Hencky,
-    LinearElastic,
-    Mapping,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-)
+import mpm_fenicsx as mpm
+
 from ..analytical.bar import Bar
 from ..mapping.shape_functions import Stencil
 
@@ -54,27 +44,27 @@ BARS = {
 }
 
 
-def terms(bar: Bar, grid: Grid, dt: float, where) -> list:
+def terms(bar: Bar, grid: mpm.Grid, dt: float, where) -> list:
     """The scene; ``where`` (x, t) says which X is at x."""
 
     def force(t, x):
         return np.column_stack((bar.body_force(where(x[:, 0], t - dt), t), np.zeros(len(x))))
 
-    ends = [] if bar.free else [Fixed(grid.facets("left", "right"), "x")]
-    return [Fixed(grid.facets("bottom", "top"), "y"), Gravity(force), *ends]
+    ends = [] if bar.free else [mpm.Fixed(grid.facets("left", "right"), "x")]
+    return [mpm.Fixed(grid.facets("bottom", "top"), "y"), mpm.Gravity(force), *ends]
 
 
 def material(bar: Bar):
     """The bar's material."""
-    return (Hencky if bar.hencky else LinearElastic)(young, 0.0, density)
+    return (mpm.Hencky if bar.hencky else mpm.LinearElastic)(young, 0.0, density)
 
 
-def finite_elements(bar: Bar, cell: float, dt: float, **options) -> FiniteElements:
+def finite_elements(bar: Bar, cell: float, dt: float, **options) -> mpm.FiniteElements:
     """The twin, on the bar at rest, where no drift is seen."""
     bar = replace(bar, drift=0.0)
-    grid = Grid.box((0, 0), (length, height), (round(length / cell), round(height / cell)))
-    run = FiniteElements(
-        grid, material(bar), Newmark(dt), terms(bar, grid, dt, lambda x, t: x), **options
+    grid = mpm.Grid.box((0, 0), (length, height), (round(length / cell), round(height / cell)))
+    run = mpm.FiniteElements(
+        grid, material(bar), mpm.Newmark(dt), terms(bar, grid, dt, lambda x, t: x), **options
     )
     run.motion.nodal(run.motion.v)[:, 0] = bar.velocity(
         grid.space.tabulate_dof_coordinates()[:, 0], 0.0
@@ -84,7 +74,7 @@ def finite_elements(bar: Bar, cell: float, dt: float, **options) -> FiniteElemen
 
 def material_points(
     bar: Bar,
-    mapping: Mapping,
+    mapping: mpm.Mapping,
     cell: float,
     dt: float,
     per_cell: int = 4,
@@ -92,13 +82,13 @@ def material_points(
     *,
     more: list = (),
     **options,
-) -> Simulation:
+) -> mpm.Simulation:
     """Material points, with room for the drift and two cells more where the ends are free.
 
     ``random``: support domains of random sizes; ``more`` terms; ``options`` of ``Simulation``.
     """
     room = 2 * bar.free
-    grid = Grid.box(
+    grid = mpm.Grid.box(
         (-room * cell, 0),
         (length + (room + np.ceil(bar.drift * bar.period / cell)) * cell, height),
         (
@@ -110,10 +100,10 @@ def material_points(
     body.velocity = np.zeros_like(body.x)
     body.velocity[:, 0] = bar.drift + bar.velocity(body.x[:, 0], 0.0)
     scene = [*terms(bar, grid, dt, bar.particle), *more]
-    return Simulation(grid, body, Newmark(dt), scene, mapping, **options)
+    return mpm.Simulation(grid, body, mpm.Newmark(dt), scene, mapping, **options)
 
 
-def tiles(soil, size: float, jitter: float) -> MaterialPoints:
+def tiles(soil, size: float, jitter: float) -> mpm.MaterialPoints:
     """Support domains that tile the bar, about ``size`` wide."""
     rng, lines = np.random.default_rng(0), []
     for extent in (length, height):
@@ -124,7 +114,7 @@ def tiles(soil, size: float, jitter: float) -> MaterialPoints:
         np.stack(np.meshgrid(*parts), -1).reshape(-1, 2)
         for parts in ([(a[1:] + a[:-1]) / 2 for a in lines], [np.diff(a) / 2 for a in lines])
     )
-    return MaterialPoints(soil, x, half, (2 * half).prod(axis=1))
+    return mpm.MaterialPoints(soil, x, half, (2 * half).prod(axis=1))
 
 
 class Watch:
@@ -147,7 +137,7 @@ class Watch:
             self.weight = run.bodies[0].mass.copy()
         else:
             grid = run.grid
-            places = MaterialPoints.fill(grid, run.material, 4)
+            places = mpm.MaterialPoints.fill(grid, run.material, 4)
             self.X, self.at = places.x[:, 0], run.sampler("stress")[0][:, 0]
             self.stencil = Stencil(grid, len(places), support=False)
             self.stencil.place(places.x, None, grid.find(places.x))

@@ -15,32 +15,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from .. import (
-    DM_GC,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    Mapping,
-    MaterialPoints,
-    Newmark,
-    Probe,
-    Simulation,
-    Traction,
-    ViscoelasticBoundary,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
+
 from ..analytical.column import Column
 from ..analytical.waves import relative_error
 
 BASES = ("fixed", "viscous", "viscoelastic")
 
-soil = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+soil = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 height, radius = 20.0, 20.0  # of the column; to the source, for the springs
-peak, small = (
-    300e3,
-    0.3e3,
-)  # the paper's pressure, and one at which strains are as small as the exact answer assumes
+# the paper's pressure, and one at which strains are as small as the exact answer assumes
+peak, small = 300e3, 0.3e3
 end, dt = 1.5, 1e-3
 
 
@@ -53,39 +38,39 @@ def terms(base, load, surface, grid, history=pulse):
     """The scene; ``surface`` gives facets to finite elements and surface points to material
     points; ``history`` (t, load) the pressure (Pa)."""
     foot = {
-        "fixed": lambda: Fixed(grid.facets("bottom"), "y"),
-        "viscous": lambda: ViscousBoundary(surface("bottom"), soil),
-        "viscoelastic": lambda: ViscoelasticBoundary(surface("bottom"), soil, radius),
+        "fixed": lambda: mpm.Fixed(grid.facets("bottom"), "y"),
+        "viscous": lambda: mpm.ViscousBoundary(surface("bottom"), soil),
+        "viscoelastic": lambda: mpm.ViscoelasticBoundary(surface("bottom"), soil, radius),
     }
     return [
-        Fixed(grid.facets("left", "right"), "x"),
-        Traction(surface("top"), lambda t: (0.0, -history(t, load))),
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Traction(surface("top"), lambda t: (0.0, -history(t, load))),
         foot[base](),
     ]
 
 
-def finite_elements(base, load, cell=0.25, step=dt, **options) -> FiniteElements:
+def finite_elements(base, load, cell=0.25, step=dt, **options) -> mpm.FiniteElements:
     """The twin: facets of the mesh bear the load and the dashpots; ``options`` of
     ``FiniteElements``."""
-    grid = Grid.box((0, 0), (1, height), cells=(round(1 / cell), round(height / cell)))
-    return FiniteElements(
-        grid, soil, Newmark(step), terms(base, load, grid.facets, grid), **options
+    grid = mpm.Grid.box((0, 0), (1, height), cells=(round(1 / cell), round(height / cell)))
+    return mpm.FiniteElements(
+        grid, soil, mpm.Newmark(step), terms(base, load, grid.facets, grid), **options
     )
 
 
 def material_points(
     base: str,
     load: float,
-    mapping: Mapping = DM_GC,
+    mapping: mpm.Mapping = mpm.DM_GC,
     cell: float = 0.25,
     step: float = dt,
     per_cell: int = 4,
     *,
     history: Callable = pulse,
-    stepping: Newmark | None = None,
+    stepping: mpm.Newmark | None = None,
     more: list = (),
     **options,
-) -> Simulation:
+) -> mpm.Simulation:
     """Material points: the column on a grid with room at the top, and for an absorbing base to
     drift.
 
@@ -93,14 +78,14 @@ def material_points(
     ``Simulation``.
     """
     bottom = 0 if base == "fixed" else -1
-    grid = Grid.box(
+    grid = mpm.Grid.box(
         (0, bottom), (1, height + 1), cells=(round(1 / cell), round((height + 1 - bottom) / cell))
     )
-    points = MaterialPoints.fill(
+    points = mpm.MaterialPoints.fill(
         grid, soil, per_cell, inside=lambda x: (x[1] > 0) & (x[1] < height)
     )
     scene = [*terms(base, load, points.surface, grid, history), *more]
-    return Simulation(grid, points, stepping or Newmark(step), scene, mapping, **options)
+    return mpm.Simulation(grid, points, stepping or mpm.Newmark(step), scene, mapping, **options)
 
 
 def answer(base: str, load: float, history: Callable = pulse, until: float = end) -> Column:
@@ -133,7 +118,7 @@ class Watch:
     def __init__(self, run, base: str, load: float, history: Callable = pulse, until: float = end):
         self.exact = answer(base, load, history, until)
         self.probes = {
-            name: run.record(Probe(field, (0.5, height - depth)))
+            name: run.record(mpm.Probe(field, (0.5, height - depth)))
             for name, (field, depth) in PLACES.items()
         }
 

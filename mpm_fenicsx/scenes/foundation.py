@@ -21,28 +21,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import (
-    DM_GC,
-    FiniteElements,
-    Fixed,
-    Grid,
-    Law,
-    LinearElastic,
-    Mapping,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-    Traction,
-    ViscoelasticBoundary,
-    ViscousBoundary,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 
 BOUNDARIES = ("fixed", "viscous", "viscoelastic")
 
 # The paper's.
 width, height, strip = 6.0, 4.0, 1.0
-elastic = LinearElastic(young=2e6, poisson=0.41, density=1000.0)
+elastic = mpm.LinearElastic(young=2e6, poisson=0.41, density=1000.0)
 peak, residual = 10e3, 3e3  # cohesion
 plateau = 3**0.5 * peak  # of the deviatoric stress, in all that follows q = √(3/2 s:s)
 end, dt = 0.925, 5e-3
@@ -64,9 +49,9 @@ def pulses(t, load):
     return np.where((since > 0) & (phase < on), load * np.sin(np.pi * phase / on), 0.0)
 
 
-def soil(softening=softening) -> VonMises:
+def soil(softening=softening) -> mpm.VonMises:
     """Von Mises soil of a softening (Pa)."""
-    return VonMises(elastic, peak, residual, softening)
+    return mpm.VonMises(elastic, peak, residual, softening)
 
 
 def under_strip(x):
@@ -89,12 +74,12 @@ class Foundation:
     cell: float = 0.0625
     step: float = dt
     history: Callable = pulses
-    loading: type = Traction
-    law: Law | None = None
+    loading: type = mpm.Traction
+    law: mpm.Law | None = None
     more: tuple = ()
 
     @property
-    def soil(self) -> Law:
+    def soil(self) -> mpm.Law:
         """The law of the body."""
         return self.law or soil(self.softening)
 
@@ -106,20 +91,20 @@ class Foundation:
             lambda t: (0.0, -float(self.history(t, self.load))),
         )
         if self.boundary == "fixed":
-            edges = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"))]
+            edges = [mpm.Fixed(grid.facets("left", "right"), "x"), mpm.Fixed(grid.facets("bottom"))]
         else:
             edge = surface("left", "right", "bottom")
             edges = [
-                ViscousBoundary(edge, elastic)
+                mpm.ViscousBoundary(edge, elastic)
                 if self.boundary == "viscous"
-                else ViscoelasticBoundary(edge, elastic, radius)
+                else mpm.ViscoelasticBoundary(edge, elastic, radius)
             ]
         return [pressed, *edges, *self.more]
 
-    def finite_elements(self, **options) -> FiniteElements:
+    def finite_elements(self, **options) -> mpm.FiniteElements:
         """The twin, small strain: facets of the mesh bear the load and the dashpots; ``options`` of
         ``FiniteElements``."""
-        grid = Grid.box(
+        grid = mpm.Grid.box(
             (0, 0),
             (width, height),
             (round(width / self.cell), round(height / self.cell)),
@@ -129,17 +114,17 @@ class Foundation:
         def surface(*sides, where=None):
             return grid.facets("strip") if where else grid.facets(*sides)
 
-        return FiniteElements(
-            grid, self.soil, Newmark(self.step), self.terms(surface, grid), **options
+        return mpm.FiniteElements(
+            grid, self.soil, mpm.Newmark(self.step), self.terms(surface, grid), **options
         )
 
-    def grid(self, room: float = 0.25) -> Grid:
+    def grid(self, room: float = 0.25) -> mpm.Grid:
         """Of material points: with ``room`` (m, whole cells at least) for heave, and around sides
         and base where they drift."""
         rows = int(np.ceil(room / self.cell - 1e-9))
         around, room = rows * (self.boundary != "fixed"), rows * self.cell
         edge = around * self.cell
-        return Grid.box(
+        return mpm.Grid.box(
             (-edge, -edge),
             (width + edge, height + room),
             (
@@ -150,20 +135,20 @@ class Foundation:
 
     def material_points(
         self,
-        mapping: Mapping = DM_GC,
-        grid: Grid | None = None,
+        mapping: mpm.Mapping = mpm.DM_GC,
+        grid: mpm.Grid | None = None,
         *,
-        kind: type = Simulation,
+        kind: type = mpm.Simulation,
         **options,
-    ) -> Simulation:
+    ) -> mpm.Simulation:
         """Material points, four a cell, on ``grid`` or one that is made for them; ``options`` of
         ``Simulation``, or of the ``kind`` of it."""
         grid = self.grid() if grid is None else grid
-        points = MaterialPoints.fill(
+        points = mpm.MaterialPoints.fill(
             grid,
             self.soil,
             per_cell=4,
             inside=lambda x: (x[0] > 0) & (x[0] < width) & (x[1] > 0) & (x[1] < height),
         )
         scene = self.terms(points.surface, grid)
-        return kind(grid, points, Newmark(self.step), scene, mapping, **options)
+        return kind(grid, points, mpm.Newmark(self.step), scene, mapping, **options)

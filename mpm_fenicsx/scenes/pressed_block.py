@@ -13,20 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import (
-    DM_GC,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    Mapping,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-    Traction,
-)
+import mpm_fenicsx as mpm
 
-soil = LinearElastic(young=2e6, poisson=0.41, density=1000.0)
+soil = mpm.LinearElastic(young=2e6, poisson=0.41, density=1000.0)
 BODY = {2: (6.0, 4.0), 3: (6.0, 3.0, 3.0)}  # m
 COURANT = soil.p_speed * 5e-3 / 0.0625  # 5.5
 
@@ -43,18 +32,18 @@ def under_strip(x):
     )
 
 
-def terms(dim: int, surface, grid: Grid) -> list:
+def terms(dim: int, surface, grid: mpm.Grid) -> list:
     """Boundaries and the pulse."""
 
     def pressure(t):
         return tuple(-pulse(t) if d == 1 else 0.0 for d in range(dim))
 
-    depth = [Fixed(grid.facets("back", "front"), "z")] if dim == 3 else []
+    depth = [mpm.Fixed(grid.facets("back", "front"), "z")] if dim == 3 else []
     return [
-        Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("left", "right"), "x"),
         *depth,
-        Fixed(grid.facets("bottom")),
-        Traction(surface, pressure),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Traction(surface, pressure),
     ]
 
 
@@ -63,32 +52,32 @@ def counts(dim: int, cell: float) -> list[int]:
     return [round(length / cell) for length in BODY[dim]]
 
 
-def step_of(cell: float) -> Newmark:
+def step_of(cell: float) -> mpm.Newmark:
     """Newmark at the Courant number of the scene."""
-    return Newmark(COURANT * cell / soil.p_speed)
+    return mpm.Newmark(COURANT * cell / soil.p_speed)
 
 
-def finite_elements(dim: int, cell: float, **options) -> FiniteElements:
+def finite_elements(dim: int, cell: float, **options) -> mpm.FiniteElements:
     """The twin; ``options`` of ``FiniteElements``."""
     body = BODY[dim]
-    grid = Grid.box(
+    grid = mpm.Grid.box(
         [0.0] * dim,
         body,
         counts(dim, cell),
         facets={"strip": lambda x: under_strip(x[:dim]) & (np.abs(x[1] - body[1]) < 1e-9)},
     )
     scene = terms(dim, grid.facets("strip"), grid)
-    return FiniteElements(grid, soil, step_of(cell), scene, **options)
+    return mpm.FiniteElements(grid, soil, step_of(cell), scene, **options)
 
 
 def material_points(
-    dim: int, cell: float, mapping: Mapping = DM_GC, empty: int = 1, **options
-) -> Simulation:
+    dim: int, cell: float, mapping: mpm.Mapping = mpm.DM_GC, empty: int = 1, **options
+) -> mpm.Simulation:
     """Material points; ``empty``: rows of cells above the body; ``options`` of ``Simulation``."""
     body, number = BODY[dim], counts(dim, cell)
     number[1] += empty
     upper = [length + (d == 1) * empty * cell for d, length in enumerate(body)]
-    grid = Grid.box([0.0] * dim, upper, number)
-    points = MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: x[1] < body[1])
+    grid = mpm.Grid.box([0.0] * dim, upper, number)
+    points = mpm.MaterialPoints.fill(grid, soil, 2**dim, inside=lambda x: x[1] < body[1])
     strip = points.surface("top", where=under_strip)
-    return Simulation(grid, points, step_of(cell), terms(dim, strip, grid), mapping, **options)
+    return mpm.Simulation(grid, points, step_of(cell), terms(dim, strip, grid), mapping, **options)

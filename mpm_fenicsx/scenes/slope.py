@@ -14,22 +14,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import (
-    Fixed,
-    Gravity,
-    Grid,
-    LinearElastic,
-    Mapping,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-    ViscousBoundary,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 
-SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
-WEAK, WEAK_BLOCK = (VonMises(SOIL, peak, 2 / 3 * peak, softening=20e3) for peak in (6e3, 12e3))
+SOIL = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+WEAK, WEAK_BLOCK = (mpm.VonMises(SOIL, peak, 2 / 3 * peak, softening=20e3) for peak in (6e3, 12e3))
 """2 m of soil yield at the foot; a block with free sides, which of the first collapses, of the
 second."""
 G, H, CELLS = 9.81, 0.25, 8
@@ -55,7 +43,7 @@ class AtRest:
         self,
         name: str,
         offset: float,
-        mapping: Mapping,
+        mapping: mpm.Mapping,
         soil=SOIL,
         base: str | None = None,
         dim: int = 2,
@@ -63,27 +51,27 @@ class AtRest:
         shape, self.across, self.walls = BODIES[name]
         self.mapping, self.soil, self.offset, self.dim = mapping, soil, offset, dim
         upper = [self.across * H, HEIGHT, 2 * H][:dim]
-        place = Grid.box([0] * dim, upper, [self.across, CELLS, 2][:dim])
-        self.body = MaterialPoints.fill(
+        place = mpm.Grid.box([0] * dim, upper, [self.across, CELLS, 2][:dim])
+        self.body = mpm.MaterialPoints.fill(
             place, soil, 2**dim, inside=lambda x: shape(x[0] / H, x[1] / H)
         )
         grid = self.grid(0)
         self.supports = {"bottom": base, **dict.fromkeys(self.walls, "x")}
-        self.static = Simulation(
+        self.static = mpm.Simulation(
             grid,
             self.body,
-            QuasiStatic(1),
+            mpm.QuasiStatic(1),
             [
-                Gravity((0.0, -G, 0.0)[:dim]),
+                mpm.Gravity((0.0, -G, 0.0)[:dim]),
                 *self.rollers(grid),
-                *(Fixed(grid.facets(side), axes) for side, axes in self.supports.items()),
+                *(mpm.Fixed(grid.facets(side), axes) for side, axes in self.supports.items()),
             ],
             mapping,
         )
         self.static.step()
         self.left = self.static.settle()
 
-    def grid(self, room: int) -> Grid:
+    def grid(self, room: int) -> mpm.Grid:
         """Lines of the grid; with ``room`` there are so many cells more below and beside the
         walls."""
         n, lines = self.across, []
@@ -93,13 +81,13 @@ class AtRest:
             lines.append(np.concatenate(([0.0], inner, end)))
         before, after = -H * np.arange(room, 0, -1), H * np.arange(1, room + 1)
         lines = [np.concatenate((before, line, line[-1] + after)) for line in lines]
-        return Grid.rectilinear([*lines, H * np.arange(3)][: self.dim])
+        return mpm.Grid.rectilinear([*lines, H * np.arange(3)][: self.dim])
 
-    def rollers(self, grid: Grid) -> list:
+    def rollers(self, grid: mpm.Grid) -> list:
         """What keeps a body in 3D between its two sides."""
-        return [Fixed(grid.facets("back", "front"), "z")] if self.dim == 3 else []
+        return [mpm.Fixed(grid.facets("back", "front"), "z")] if self.dim == 3 else []
 
-    def release(self, dt: float = 1e-3) -> Simulation:
+    def release(self, dt: float = 1e-3) -> mpm.Simulation:
         """The same body between dashpots which bear what the fixed edges bore, steps of dt (s)."""
         surfaces = [self.body.surface("bottom", where=lambda x: x[1] < 1e-6 * H)]
         for wall in self.walls:
@@ -109,14 +97,14 @@ class AtRest:
             )
         carried = self.static.reactions(*surfaces)
         grid = self.grid(3)
-        return Simulation(
+        return mpm.Simulation(
             grid,
             self.body,
-            Newmark(dt),
+            mpm.Newmark(dt),
             [
-                Gravity((0.0, -G, 0.0)[: self.dim]),
+                mpm.Gravity((0.0, -G, 0.0)[: self.dim]),
                 *carried,
-                *(ViscousBoundary(on, SOIL) for on in surfaces),
+                *(mpm.ViscousBoundary(on, SOIL) for on in surfaces),
                 *self.rollers(grid),
             ],
             self.mapping,

@@ -18,18 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import (
-    DM_GC,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    Mapping,
-    MaterialPoints,
-    QuasiStatic,
-    Simulation,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 
 EXACT = 2.0 + np.pi
 """Capacity over cohesion (-)."""
@@ -56,10 +45,10 @@ class Strip:
     growth: float = 1.15
 
     @property
-    def soil(self) -> VonMises:
+    def soil(self) -> mpm.VonMises:
         """Soil of constant cohesion."""
-        return VonMises(
-            LinearElastic(self.young, self.poisson, 2000.0),
+        return mpm.VonMises(
+            mpm.LinearElastic(self.young, self.poisson, 2000.0),
             peak=self.cohesion,
             residual=self.cohesion,
             softening=0.0,
@@ -72,37 +61,39 @@ class Strip:
         lines = np.append(0.0, np.cumsum(growth ** np.arange(count)))
         return length * lines / lines[-1]
 
-    def grid(self) -> Grid:
+    def grid(self) -> mpm.Grid:
         """Cells that are smallest at the strip's edge; its facets are "strip"."""
         half = self.half
         x = np.append(half - self.away(half)[::-1], half + self.away(self.width - half)[1:])
         y = self.depth - self.away(self.depth)[::-1]
-        return Grid.rectilinear(
+        return mpm.Grid.rectilinear(
             [x, y], {"strip": lambda p: (p[1] > self.depth - 1e-9) & (p[0] < half + 1e-9)}
         )
 
-    def terms(self, grid: Grid) -> list:
+    def terms(self, grid: mpm.Grid) -> list:
         """The scene."""
         return [
-            Fixed(grid.facets("left", "right"), "x"),
-            Fixed(grid.facets("bottom")),
-            Fixed(grid.facets("strip"), "y", lambda t: -self.settlement * t**2),
+            mpm.Fixed(grid.facets("left", "right"), "x"),
+            mpm.Fixed(grid.facets("bottom")),
+            mpm.Fixed(grid.facets("strip"), "y", lambda t: -self.settlement * t**2),
         ]
 
-    def finite_elements(self, **options) -> FiniteElements:
+    def finite_elements(self, **options) -> mpm.FiniteElements:
         """The twin; ``options`` of ``FiniteElements``."""
         grid = self.grid()
-        return FiniteElements(grid, self.soil, QuasiStatic(self.steps), self.terms(grid), **options)
-
-    def material_points(self, mapping: Mapping = DM_GC, **options) -> Simulation:
-        """Material points, four a cell; ``options`` of ``Simulation``."""
-        grid = self.grid()
-        points = MaterialPoints.fill(grid, self.soil, per_cell=4)
-        return Simulation(
-            grid, points, QuasiStatic(self.steps), self.terms(grid), mapping, **options
+        return mpm.FiniteElements(
+            grid, self.soil, mpm.QuasiStatic(self.steps), self.terms(grid), **options
         )
 
-    def load(self, run: Simulation | FiniteElements) -> float:
+    def material_points(self, mapping: mpm.Mapping = mpm.DM_GC, **options) -> mpm.Simulation:
+        """Material points, four a cell; ``options`` of ``Simulation``."""
+        grid = self.grid()
+        points = mpm.MaterialPoints.fill(grid, self.soil, per_cell=4)
+        return mpm.Simulation(
+            grid, points, mpm.QuasiStatic(self.steps), self.terms(grid), mapping, **options
+        )
+
+    def load(self, run: mpm.Simulation | mpm.FiniteElements) -> float:
         """Mean pressure under the strip (Pa), read off the stresses by virtual work: w = y/H is
         zero at the base and 1 at the top, where only the strip pushes, so that it carries
         ∫ σ_yy dV / H."""

@@ -15,19 +15,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import (
-    Contact,
-    Fixed,
-    GeneralizedAlpha,
-    Grid,
-    LinearElastic,
-    Mapping,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 
-SOIL = LinearElastic(young=20e6, poisson=0.0, density=1500.0)
+SOIL = mpm.LinearElastic(young=20e6, poisson=0.0, density=1500.0)
 C, LENGTH, SPEED = SOIL.p_speed, 2.5, 1e-3
 CASES = {"equal": ((1, 1), (1.0, -1.0), (-1.0, 1.0)), "unequal": ((1, 2), (2.0, 0.0), (0.0, 1.0))}
 """Lengths over L, velocities over v before and, exactly, after."""
@@ -35,36 +25,40 @@ CASES = {"equal": ((1, 1), (1.0, -1.0), (-1.0, 1.0)), "unequal": ((1, 2), (2.0, 
 
 def bars(
     case: str,
-    mapping: Mapping,
+    mapping: mpm.Mapping,
     n: int,
     courant: float,
     places: float = 0.0,
     gap: float = 0.0,
     speed: float = SPEED,
     radius: float | None = None,
-) -> Contact:
+) -> mpm.Contact:
     """Bars with ``n`` cells over L, ``gap`` cells apart and ``places`` cells off the grid's lines.
 
     ``radius``: of GeneralizedAlpha instead of Newmark; ``speed`` v over c.
     """
     lengths, velocities, _ = CASES[case]
     h, dt, before = LENGTH / n, courant * LENGTH / n / C, n // 2
-    stepping = Newmark(dt) if radius is None else GeneralizedAlpha(dt, spectral_radius=radius)
+    stepping = (
+        mpm.Newmark(dt) if radius is None else mpm.GeneralizedAlpha(dt, spectral_radius=radius)
+    )
     cells = (sum(lengths) + 1) * n + 4 + int(np.ceil(gap))
-    grid = Grid.box((0, 0), (cells * h, h), (cells, 1))
+    grid = mpm.Grid.box((0, 0), (cells * h, h), (cells, 1))
     runs, start = [], before
     for k, length in enumerate(lengths):
         end = start + length * n
-        body = MaterialPoints.fill(
+        body = mpm.MaterialPoints.fill(
             grid, SOIL, 4, inside=lambda x, a=start, b=end: (x[0] > a * h) & (x[0] < b * h)
         )
         body.x[:, 0] += (places + k * (gap - 1.0)) * h
         body.velocity = np.tile([velocities[k] * speed * C, 0.0], (len(body), 1))
         runs.append(
-            Simulation(grid, body, stepping, [Fixed(grid.facets("bottom", "top"), "y")], mapping)
+            mpm.Simulation(
+                grid, body, stepping, [mpm.Fixed(grid.facets("bottom", "top"), "y")], mapping
+            )
         )
         start = end + 1
     left, right = runs
-    return Contact(
+    return mpm.Contact(
         (left, left.bodies[0].surface("right")), (right, right.bodies[0].surface("left"))
     )

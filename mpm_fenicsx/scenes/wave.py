@@ -11,25 +11,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import (
-    DM_GC,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    Mapping,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 
 YOUNG, DENSITY = 20e6, 1500.0  # Pa, kg/m³; only Poisson's ratio and the Courant number matter
 AMPLITUDE = 1e-6  # m/s, in cells of 1 m: points move by 1e-7 of a cell at most
 
 
-def soil(poisson: float) -> LinearElastic:
+def soil(poisson: float) -> mpm.LinearElastic:
     """Elastic soil of some Poisson's ratio."""
-    return LinearElastic(YOUNG, poisson, DENSITY)
+    return mpm.LinearElastic(YOUNG, poisson, DENSITY)
 
 
 @dataclass(frozen=True)
@@ -110,25 +100,25 @@ class Wave:
             v = (np.sin(a), 0.0 * a) if self.kind == "P" else (0.0 * a, np.sin(a))
         return AMPLITUDE * np.stack(v, axis=1)
 
-    def grid_and_walls(self) -> tuple[Grid, list[Fixed]]:
+    def grid_and_walls(self) -> tuple[mpm.Grid, list[mpm.Fixed]]:
         """Along an axis the box is a cell wide, for nothing changes across it."""
         size = (self.length, self.length if self.diagonal else 1)
-        grid = Grid.box((0, 0), size, size)
+        grid = mpm.Grid.box((0, 0), size, size)
         ends, sides = grid.facets("left", "right"), grid.facets("bottom", "top")
         across = not self.diagonal and self.kind == "S"
-        return grid, [Fixed(ends, "xy"[across]), Fixed(sides, "yx"[across])]
+        return grid, [mpm.Fixed(ends, "xy"[across]), mpm.Fixed(sides, "yx"[across])]
 
-    def finite_elements(self) -> FiniteElements:
+    def finite_elements(self) -> mpm.FiniteElements:
         """A run that begins with the mode's velocity, without stress."""
         grid, walls = self.grid_and_walls()
-        run = FiniteElements(grid, soil(self.poisson), Newmark(self.dt), walls)
+        run = mpm.FiniteElements(grid, soil(self.poisson), mpm.Newmark(self.dt), walls)
         nodal = run.motion.nodal(run.motion.v)
         nodal[:] = self.velocity(grid.space.tabulate_dof_coordinates()[: len(nodal)])
         return run
 
-    def material_points(self, mapping: Mapping = DM_GC) -> Simulation:
+    def material_points(self, mapping: mpm.Mapping = mpm.DM_GC) -> mpm.Simulation:
         """The same, of four points a cell."""
         grid, walls = self.grid_and_walls()
-        body = MaterialPoints.fill(grid, soil(self.poisson), 4)
+        body = mpm.MaterialPoints.fill(grid, soil(self.poisson), 4)
         body.velocity = self.velocity(body.x)
-        return Simulation(grid, body, Newmark(self.dt), walls, mapping)
+        return mpm.Simulation(grid, body, mpm.Newmark(self.dt), walls, mapping)

@@ -10,21 +10,11 @@ from scipy.integrate import solve_bvp
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipeinc, ellipk, ellipkinc
 
-from mpm_fenicsx import (
-    FiniteElements,
-    Fixed,
-    Grid,
-    Hencky,
-    MaterialPoints,
-    Probe,
-    QuasiStatic,
-    Simulation,
-    Traction,
-)
+import mpm_fenicsx as mpm
 
 pytestmark = pytest.mark.validation
 
-LENGTH, SOIL = 10.0, Hencky(young=12e6, poisson=0.2, density=1000.0)
+LENGTH, SOIL = 10.0, mpm.Hencky(young=12e6, poisson=0.2, density=1000.0)
 STIFFNESS = SOIL.young / (1 - SOIL.poisson**2)  # in plane strain
 SHEAR = 5 / 6 * SOIL.lame[1]
 H = (0.5, 0.25, 0.125)
@@ -81,27 +71,30 @@ def tip(kind, h, depth=1.0, load=100e3, steps=50):
     """Mean displacement of the end under a dead load (N/m) in as many steps."""
     n = round(1 / h)
     if kind is None:
-        grid = Grid.box((0, 0), (LENGTH, depth), (10 * n, round(depth * n)))
+        grid = mpm.Grid.box((0, 0), (LENGTH, depth), (10 * n, round(depth * n)))
         end = grid.facets("right")
-        run = FiniteElements(
+        run = mpm.FiniteElements(
             grid,
             SOIL,
-            QuasiStatic(steps),
-            [Fixed(grid.facets("left")), Traction(end, lambda t: (0.0, -load * t / depth))],
+            mpm.QuasiStatic(steps),
+            [mpm.Fixed(grid.facets("left")), mpm.Traction(end, lambda t: (0.0, -load * t / depth))],
         )
-        probe = run.record(Probe("displacement", at=(LENGTH, depth / 2)))
+        probe = run.record(mpm.Probe("displacement", at=(LENGTH, depth / 2)))
         run.until(1.0)
         return probe.values[-1]
-    grid = Grid.box((0, -9), (11, 2), (11 * n, 11 * n))
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box((0, -9), (11, 2), (11 * n, 11 * n))
+    body = mpm.MaterialPoints.fill(
         grid, SOIL, 4, inside=lambda x: (x[0] < LENGTH) & (x[1] > 0) & (x[1] < depth)
     )
     end = body.surface("right")
-    run = Simulation(
+    run = mpm.Simulation(
         grid,
         body,
-        QuasiStatic(steps),
-        [Fixed(grid.facets("left")), Traction(end, lambda t: (0.0, -load * t / end.area.sum()))],
+        mpm.QuasiStatic(steps),
+        [
+            mpm.Fixed(grid.facets("left")),
+            mpm.Traction(end, lambda t: (0.0, -load * t / end.area.sum())),
+        ],
         kind,
     )
     run.until(1.0)

@@ -10,17 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 from scipy.special import lambertw
 
-from mpm_fenicsx import (
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    Hencky,
-    LinearElastic,
-    MaterialPoints,
-    QuasiStatic,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 
 pytestmark = pytest.mark.validation
 
@@ -51,14 +41,14 @@ def place(Y, E):
 def compacted(kind, law, cells):
     """Points' places at rest and after, Cauchy's vertical stress there, and volumes at rest."""
     h = HEIGHT / cells
-    grid = Grid.box((0, 0), (h, HEIGHT), (1, cells))
+    grid = mpm.Grid.box((0, 0), (h, HEIGHT), (1, cells))
     terms = [
-        Fixed(grid.facets("left", "right"), "x"),
-        Fixed(grid.facets("bottom"), "y"),
-        Gravity(lambda t: (0.0, -G * t)),
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom"), "y"),
+        mpm.Gravity(lambda t: (0.0, -G * t)),
     ]
     if kind is None:
-        run = FiniteElements(grid, law, QuasiStatic(STEPS), terms)
+        run = mpm.FiniteElements(grid, law, mpm.QuasiStatic(STEPS), terms)
         run.until(1.0)
         node = grid.space.tabulate_dof_coordinates()[:, 1]
         u = run.motion.nodal(run.displacement)[:, 1]
@@ -71,9 +61,9 @@ def compacted(kind, law, cells):
             run.stress(np.arange(cells))[at_rest, 1],
             np.full(cells, h),
         )
-    body = MaterialPoints.fill(grid, law, 4)
+    body = mpm.MaterialPoints.fill(grid, law, 4)
     Y = body.x[:, 1].copy()
-    run = Simulation(grid, body, QuasiStatic(STEPS), terms, kind)
+    run = mpm.Simulation(grid, body, mpm.QuasiStatic(STEPS), terms, kind)
     run.until(1.0)
     return Y, body.x[:, 1], body.stress[:, 1], body.mass / DENSITY
 
@@ -108,7 +98,7 @@ def test_henckys_column_converges(mapping, E, record):
     its light node is tied, the last cells are less accurate (DM-GCL at h = 1.25 m 1.4e-4, untied
     1.2e-5), and stress stays below a line of first order but does not fall with every h.
     """
-    found = np.array([errors(mapping, Hencky(E, 0.0, DENSITY), n) for n in CELLS])
+    found = np.array([errors(mapping, mpm.Hencky(E, 0.0, DENSITY), n) for n in CELLS])
     for k, what in enumerate(("stress", "displacement")):
         record(f"1 compaction, {SOFT[E]}: {what} at h = 0.625 m", mapping, found[-1, k])
     rate = np.log2(found[0] / found[-1]) / 3.0
@@ -127,7 +117,7 @@ def test_henckys_column_converges(mapping, E, record):
 @over(*(mapping for mapping in TILING if mapping.composite))
 def test_with_light_nodes_of_their_own_it_converges_at_every_step(mapping, record):
     """Orders 1.5 in stress."""
-    law = Hencky(1e6, 0.0, DENSITY)
+    law = mpm.Hencky(1e6, 0.0, DENSITY)
     untied = replace(mapping, hold_cut_cells=False)
     found = np.array([errors(untied, law, n) for n in CELLS])
     record(f"1 compaction, {SOFT[1e6]}, untied: stress at h = 0.625 m", mapping, found[-1, 0])
@@ -138,7 +128,7 @@ def test_with_light_nodes_of_their_own_it_converges_at_every_step(mapping, recor
 @pytest.mark.parametrize("E", SOFT, ids=SOFT.get)
 @over(*LINEAR)
 def test_linear_shape_functions_do_not(mapping, E, record):
-    coarse, fine = (errors(mapping, Hencky(E, 0.0, DENSITY), n) for n in CELLS[[0, -1]])
+    coarse, fine = (errors(mapping, mpm.Hencky(E, 0.0, DENSITY), n) for n in CELLS[[0, -1]])
     for k, what in enumerate(("stress", "displacement")):
         record(f"1 compaction, {SOFT[E]}: {what} at h = 0.625 m", mapping, fine[k], LOST)
     assert fine[0] > max(coarse[0], 0.02)
@@ -147,7 +137,7 @@ def test_linear_shape_functions_do_not(mapping, E, record):
 @over(*TILING)
 def test_the_small_strain_law_bears_the_weight_too(mapping, record):
     """Its points, too, follow their volume; places differ from Hencky's by half the strain."""
-    law = LinearElastic(1e6, 0.0, DENSITY)
+    law = mpm.LinearElastic(1e6, 0.0, DENSITY)
     found = np.array([errors(mapping, law, n) for n in CELLS])
     record(SMALL, mapping, found[-1, 0])
     if mapping.composite:
@@ -159,7 +149,7 @@ def test_the_small_strain_law_bears_the_weight_too(mapping, record):
 
 def test_finite_elements_of_small_strain_bear_it_on_the_mesh_at_rest(record):
     """Exactly; places differ from Hencky's by 3/2 of the strain, for nothing follows the volume."""
-    stress, places = errors(None, LinearElastic(1e6, 0.0, DENSITY), CELLS[-1])
+    stress, places = errors(None, mpm.LinearElastic(1e6, 0.0, DENSITY), CELLS[-1])
     record(SMALL, None, stress)
     assert stress < 1e-12
     assert 0.03 < places < 0.06
@@ -167,6 +157,8 @@ def test_finite_elements_of_small_strain_bear_it_on_the_mesh_at_rest(record):
 
 @over(*LINEAR)
 def test_small_strain_does_not_help_linear_shape_functions(mapping, record):
-    coarse, fine = (errors(mapping, LinearElastic(1e6, 0.0, DENSITY), n)[0] for n in CELLS[[0, -1]])
+    coarse, fine = (
+        errors(mapping, mpm.LinearElastic(1e6, 0.0, DENSITY), n)[0] for n in CELLS[[0, -1]]
+    )
     record(SMALL, mapping, fine, LOST)
     assert fine > max(coarse, 0.02)

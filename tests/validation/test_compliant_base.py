@@ -9,25 +9,12 @@ import numpy as np
 import pytest
 from methods import LINEAR, METHODS, over
 
-from mpm_fenicsx import (
-    CMPM,
-    DM_G,
-    DM_GC,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-    Traction,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.analytical.waves import relative_error
 
 pytestmark = pytest.mark.validation
 
-ROCK = LinearElastic(young=3e9, poisson=0.3, density=2100.0)
+ROCK = mpm.LinearElastic(young=3e9, poisson=0.3, density=2100.0)
 L, H, G, START = 260.0, 2.0, 9.806, 0.15
 
 
@@ -45,24 +32,24 @@ def acceleration(t):
 def shake(mapping, courant=0.5):
     """Times (n,) and horizontal accelerations (n,) at the base and the surface."""
     Z, cells = ROCK.density * ROCK.s_speed, round(L / H)
-    stepping = Newmark(courant * H / ROCK.s_speed)
+    stepping = mpm.Newmark(courant * H / ROCK.s_speed)
     low, high = (0, cells) if mapping is None else (-2, cells + 2)
-    grid = Grid.box((0, low * H), (H, high * H), (1, high - low))
-    walls = Fixed(grid.facets("left", "right"), "y")
+    grid = mpm.Grid.box((0, low * H), (H, high * H), (1, high - low))
+    walls = mpm.Fixed(grid.facets("left", "right"), "y")
     if mapping is None:
         base = grid.facets("bottom")
     else:
-        body = MaterialPoints.fill(grid, ROCK, 4, inside=lambda x: (x[1] > 0) & (x[1] < L))
+        body = mpm.MaterialPoints.fill(grid, ROCK, 4, inside=lambda x: (x[1] > 0) & (x[1] < L))
         base = body.surface("bottom")
     terms = [
         walls,
-        ViscousBoundary(base, ROCK),
-        Traction(base, lambda t: (2 * Z * velocity(t), 0.0)),
+        mpm.ViscousBoundary(base, ROCK),
+        mpm.Traction(base, lambda t: (2 * Z * velocity(t), 0.0)),
     ]
     run = (
-        FiniteElements(grid, ROCK, stepping, terms)
+        mpm.FiniteElements(grid, ROCK, stepping, terms)
         if mapping is None
-        else Simulation(grid, body, stepping, terms, mapping)
+        else mpm.Simulation(grid, body, stepping, terms, mapping)
     )
     place, read = run.sampler("acceleration")
     rows = np.array([place[:, 1].argmin(), place[:, 1].argmax()])
@@ -99,7 +86,7 @@ def test_one_g_goes_up_two_g_arrive_and_one_comes_down(mapping, record):
     assert relative_error(surface, above) < tails
 
 
-@over(None, CMPM, DM_G, DM_GC)
+@over(None, mpm.CMPM, mpm.DM_G, mpm.DM_GC)
 def test_the_error_at_the_surface_is_of_second_order(mapping, monkeypatch):
     error = []
     for h in (2.0, 1.0):

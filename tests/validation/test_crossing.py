@@ -11,23 +11,11 @@ import numpy as np
 import pytest
 from methods import FED, LOST, MAPPED, TILING, over
 
-from mpm_fenicsx import (
-    DM_GC,
-    DM_GCL,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    RunError,
-    Simulation,
-    Traction,
-    VonMises,
-)
+import mpm_fenicsx as mpm
 
 pytestmark = pytest.mark.validation
 
-SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+SOIL = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 STRESS, H = 100e3, 0.25
 TENSION = np.array([1.0, 1.0, 0.5])
 COURANT = pytest.mark.parametrize("courant", [0.5, 5.0])
@@ -42,29 +30,31 @@ def errors(run, stress, steps):
         for _ in range(steps):
             run.step()
             found.append(np.abs(body.stress[:, : len(stress)] - stress).max() / STRESS)
-    except RunError:
+    except mpm.RunError:
         found.append(np.inf)
     return np.array(found)
 
 
-def bar(mapping, courant, steps, sweeps=1, disturbance=0.0, law=Newmark):
+def bar(mapping, courant, steps, sweeps=1, disturbance=0.0, law=mpm.Newmark):
     """A bar of 20 cells between rollers under pressure; its velocity disturbed by a cosine of a
     stress of that part."""
     stepping = law(courant * H / SOIL.p_speed)
     cells, length = int(0.3 * steps) + 26, 20 * H
-    grid = Grid.box((-2 * H, 0), ((cells - 2) * H, H), (cells, 1))
-    body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] > 0) & (x[0] < length))
+    grid = mpm.Grid.box((-2 * H, 0), ((cells - 2) * H, H), (cells, 1))
+    body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] > 0) & (x[0] < length))
     body.stress[:, :3] = -STRESS * np.array([1.0, 1 / 3, 1 / 3])  # ν = 1/4: no strain across
     body.velocity = np.tile([0.3 * H / stepping.dt, 0.0], (len(body), 1))
     wave = np.cos(3 * np.pi * body.x[:, 0] / length)
     body.velocity[:, 0] += disturbance * STRESS / (SOIL.density * SOIL.p_speed) * wave
-    terms = [Fixed(grid.facets("bottom", "top"), "y")]
+    terms = [mpm.Fixed(grid.facets("bottom", "top"), "y")]
     terms += [
-        Traction(body.surface(side), (push, 0.0))
+        mpm.Traction(body.surface(side), (push, 0.0))
         for side, push in (("left", STRESS), ("right", -STRESS))
     ]
     return errors(
-        Simulation(grid, body, stepping, terms, replace(mapping, sweeps=sweeps)), [-STRESS], steps
+        mpm.Simulation(grid, body, stepping, terms, replace(mapping, sweeps=sweeps)),
+        [-STRESS],
+        steps,
     )
 
 
@@ -74,10 +64,12 @@ def block(mapping, courant, steps, law=SOIL, disturbance=0.0):
 
     Returns errors and body; ``disturbance`` of the velocity, by waves of a stress of that part.
     """
-    stepping, way, n = Newmark(courant * H / SOIL.p_speed), np.array([0.3, 0.17]), 6
+    stepping, way, n = mpm.Newmark(courant * H / SOIL.p_speed), np.array([0.3, 0.17]), 6
     cells = (way * steps).astype(int) + n + 6
-    grid = Grid.box((-2 * H, -2 * H), (cells - 2) * H, cells)
-    body = MaterialPoints.fill(grid, law, 4, inside=lambda x: ((x > 0) & (x < n * H)).all(axis=0))
+    grid = mpm.Grid.box((-2 * H, -2 * H), (cells - 2) * H, cells)
+    body = mpm.MaterialPoints.fill(
+        grid, law, 4, inside=lambda x: ((x > 0) & (x < n * H)).all(axis=0)
+    )
     body.stress[:, :3] = STRESS * TENSION
     waves = np.cos(3 * np.pi * body.x / (n * H)) * np.sin(
         0.7 + 2 * np.pi * body.x[:, ::-1] / (n * H)
@@ -86,8 +78,10 @@ def block(mapping, courant, steps, law=SOIL, disturbance=0.0):
         way * H / stepping.dt + disturbance * STRESS / (SOIL.density * SOIL.p_speed) * waves
     )
     sides = [body.surface(side) for side in ("left", "right", "bottom", "top")]
-    terms = [Traction(surface, tuple(STRESS * surface.normal[0])) for surface in sides]
-    return errors(Simulation(grid, body, stepping, terms, mapping), STRESS * TENSION, steps), body
+    terms = [mpm.Traction(surface, tuple(STRESS * surface.normal[0])) for surface in sides]
+    return errors(
+        mpm.Simulation(grid, body, stepping, terms, mapping), STRESS * TENSION, steps
+    ), body
 
 
 @COURANT
@@ -116,7 +110,7 @@ def test_a_disturbance_of_one_percent_over_2000_steps(mapping, courant, record):
     error = bar(mapping, courant, 2000, disturbance=0.01)
     quarter = [part.max() for part in np.array_split(error, 4)]
     grows = courant == 5.0 and not mapping.composite
-    slowly = courant == 0.5 and mapping is DM_GCL
+    slowly = courant == 0.5 and mapping is mpm.DM_GCL
     case = f"8 crossing cells, bar disturbed by 1 %, Courant {courant:g}, last 500 of 2,000 steps"
     record(
         case,
@@ -164,7 +158,7 @@ def near_yield(softening, share=0.95):
     tenth."""
     s = STRESS * (TENSION - TENSION.mean())
     cohesion = np.sqrt(1.5 * s @ s / 3) / share
-    return VonMises(SOIL, cohesion, 0.1 * cohesion if softening else cohesion, softening)
+    return mpm.VonMises(SOIL, cohesion, 0.1 * cohesion if softening else cohesion, softening)
 
 
 @COURANT
@@ -193,7 +187,7 @@ def test_nor_does_it_in_300_steps(mapping, record):
     assert not body.history.any()
 
 
-@over(DM_GC, DM_GCL)
+@over(mpm.DM_GC, mpm.DM_GCL)
 def test_nor_where_it_is_disturbed_by_one_percent(mapping, record):
     error, body = block(mapping, 5.0, 300, near_yield(500e3), disturbance=0.01)
     record(

@@ -10,22 +10,11 @@ import numpy as np
 import pytest
 from test_crossing import SOIL, H, bar
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    DM_GCL,
-    GIMP,
-    Energy,
-    GeneralizedAlpha,
-    Grid,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 
 pytestmark = pytest.mark.validation
 
-RADIUS = {DM_GC: 0.8, DM_GCL: 0.8, DM_G: 0.5, GIMP: 0.5}
+RADIUS = {mpm.DM_GC: 0.8, mpm.DM_GCL: 0.8, mpm.DM_G: 0.5, mpm.GIMP: 0.5}
 GROWS = "a disturbance grows at Courant 2; generalised α stops it"
 MAPPED = pytest.mark.parametrize("mapping", list(RADIUS), ids=str)
 
@@ -45,7 +34,7 @@ def test_with_dissipation_it_does_not_grow_over_2000_steps(mapping, courant, rec
     below 0.1 %."""
     radius = RADIUS[mapping]
     error = bar(
-        mapping, courant, 2000, disturbance=0.01, law=lambda dt: GeneralizedAlpha(dt, radius)
+        mapping, courant, 2000, disturbance=0.01, law=lambda dt: mpm.GeneralizedAlpha(dt, radius)
     )
     quarter = [part.max() for part in np.array_split(error, 4)]
     case = "8 crossing cells, bar disturbed by 1 %, spectral radius 0.8 (GIMP, DM-G: 0.5)"
@@ -56,12 +45,12 @@ def test_with_dissipation_it_does_not_grow_over_2000_steps(mapping, courant, rec
 
 
 @pytest.mark.parametrize("cells", [(4, 3), (12, 8)], ids=str)
-@pytest.mark.parametrize("mapping", [DM_GC, DM_GCL], ids=str)
+@pytest.mark.parametrize("mapping", [mpm.DM_GC, mpm.DM_GCL], ids=str)
 def test_with_dissipation_a_free_block_gains_no_energy(mapping, cells, record):
     """Set off by cos πx/L, at rest as a whole, 0 and 0.3 cells off the grid lines."""
     gain = (
         max(
-            late_energy(mapping, courant, cells, offset, lambda dt: GeneralizedAlpha(dt, 0.9))
+            late_energy(mapping, courant, cells, offset, lambda dt: mpm.GeneralizedAlpha(dt, 0.9))
             for offset in (0.0, 0.3)
             for courant in (0.5, 2.0, 5.0)
         )
@@ -77,21 +66,21 @@ def test_with_dissipation_a_free_block_gains_no_energy(mapping, cells, record):
 
 
 def test_without_it_dm_gcl_does():
-    assert late_energy(DM_GCL, 2.0, (4, 3), 0.3, Newmark) > 10.0
+    assert late_energy(mpm.DM_GCL, 2.0, (4, 3), 0.3, mpm.Newmark) > 10.0
 
 
 def late_energy(mapping, courant, cells, offset, law):
     """Largest energy in the last quarter of 600 steps over that at the start."""
     size = np.array(cells) * H
-    grid = Grid.box((-2 * H, -2 * H), size + 3 * H, np.array(cells) + 5)
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box((-2 * H, -2 * H), size + 3 * H, np.array(cells) + 5)
+    body = mpm.MaterialPoints.fill(
         grid, SOIL, 4, inside=lambda x: (x.T > 0).all(axis=1) & (x.T < size).all(axis=1)
     )
     body.velocity = np.zeros_like(body.x)
     body.velocity[:, 0] = 1e-5 * SOIL.p_speed * np.cos(np.pi * body.x[:, 0] / size[0])
     body.x += offset * H
-    run = Simulation(grid, body, law(courant * H / SOIL.p_speed), [], mapping)
-    energy = run.record(Energy())
+    run = mpm.Simulation(grid, body, law(courant * H / SOIL.p_speed), [], mapping)
+    energy = run.record(mpm.Energy())
     for _ in range(600):
         run.step()
     return energy.left[-150:].max() / energy.left[0]

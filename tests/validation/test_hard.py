@@ -11,29 +11,14 @@ import numpy as np
 import pytest
 from methods import MAPPED, METHODS
 
-from mpm_fenicsx import (
-    DM_G,
-    DM_GC,
-    DM_GCL,
-    MPM,
-    AccelerationCorrection,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-    Traction,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.analytical.column import Column
 from mpm_fenicsx.analytical.waves import relative_error
 
 pytestmark = pytest.mark.validation
 
 H, N, STEPS = 0.25, 20, 1000
-SOIL = LinearElastic(young=20e6, poisson=0.25, density=1500.0)
+SOIL = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
 LOCKS = "bilinear cells lock without B-bar"
 DAMPED = (
     "the step's matrix is stiffer than what points give back, the more so as cells lock: loss of "
@@ -62,7 +47,7 @@ def column(mapping, courant, duration, base=None):
     """
     soil = SOIL
     L, below = N * H, 0 if base is None else 5
-    stepping = Newmark(courant * H / soil.p_speed)
+    stepping = mpm.Newmark(courant * H / soil.p_speed)
     pressure = 1e-6 * soil.density * soil.p_speed**2
     period = duration * L / soil.p_speed
 
@@ -70,17 +55,17 @@ def column(mapping, courant, duration, base=None):
         return pressure * np.sin(np.pi * t / period) ** 2
 
     beyond = 0 if mapping is None else 2
-    grid = Grid.box((0, -below * H), (H, L + beyond * H), (1, N + below + beyond))
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom"), "y")]
+    grid = mpm.Grid.box((0, -below * H), (H, L + beyond * H), (1, N + below + beyond))
+    terms = [mpm.Fixed(grid.facets("left", "right"), "x"), mpm.Fixed(grid.facets("bottom"), "y")]
     if mapping is None:
-        terms.append(Traction(grid.facets("top"), lambda t: (0.0, -load(t))))
-        run = FiniteElements(grid, soil, stepping, terms)
+        terms.append(mpm.Traction(grid.facets("top"), lambda t: (0.0, -load(t))))
+        run = mpm.FiniteElements(grid, soil, stepping, terms)
     else:
-        bodies = [MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x[1] > 0) & (x[1] < L))]
+        bodies = [mpm.MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x[1] > 0) & (x[1] < L))]
         if base is not None:
-            bodies.append(MaterialPoints.fill(grid, base, 4, inside=lambda x: x[1] < 0))
-        terms.append(Traction(bodies[0].surface("top"), lambda t: (0.0, -load(t))))
-        run = Simulation(grid, bodies, stepping, terms, mapping)
+            bodies.append(mpm.MaterialPoints.fill(grid, base, 4, inside=lambda x: x[1] < 0))
+        terms.append(mpm.Traction(bodies[0].surface("top"), lambda t: (0.0, -load(t))))
+        run = mpm.Simulation(grid, bodies, stepping, terms, mapping)
     place, stress = run.sampler("stress")
     rows = np.flatnonzero(np.abs(place[:, 1] - L / 2) < 0.6 * H)
     exact = Column(L, soil.p_speed, soil.density, load, STEPS * stepping.dt)
@@ -105,7 +90,9 @@ def test_courant_50(mapping, record):
 @METHODS
 def test_a_base_a_million_times_stiffer(mapping, record):
     """Is a fixed base; finite elements, of one material here, show what the waves alone cost."""
-    base = None if mapping is None else LinearElastic(1e6 * SOIL.young, SOIL.poisson, SOIL.density)
+    base = (
+        None if mapping is None else mpm.LinearElastic(1e6 * SOIL.young, SOIL.poisson, SOIL.density)
+    )
     error = column(mapping, 0.5, 8.0, base)
     record("15 stiffness contrast 1e6, column, 1,000 steps: pressure", mapping or "FE", error)
     assert error < 5e-3
@@ -118,21 +105,24 @@ def lame_mode(mapping, b_bar, n=10):
     It keeps the volume, so that ω = √2 k c_s whatever ν, here 0.499; 1,000 steps, half a cell of
     shear wave each.
     """
-    soil, k = LinearElastic(20e6, 0.499, 1500.0), np.pi
+    soil, k = mpm.LinearElastic(20e6, 0.499, 1500.0), np.pi
     ω = np.sqrt(2) * k * soil.s_speed
-    grid, stepping = Grid.box((0, 0), (1, 1), (n, n)), Newmark(0.5 / n / soil.s_speed)
-    terms = [Fixed(grid.facets("left", "right"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
+    grid, stepping = mpm.Grid.box((0, 0), (1, 1), (n, n)), mpm.Newmark(0.5 / n / soil.s_speed)
+    terms = [
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom", "top"), "y"),
+    ]
     if mapping is None:
-        run = FiniteElements(grid, soil, stepping, terms, b_bar=b_bar)
+        run = mpm.FiniteElements(grid, soil, stepping, terms, b_bar=b_bar)
         x, v = grid.space.tabulate_dof_coordinates()[:, :2], run.motion.nodal(run.motion.v)
     else:
-        body = MaterialPoints.fill(grid, soil, 4)
-        run = Simulation(grid, body, stepping, terms, replace(mapping, b_bar=b_bar))
+        body = mpm.MaterialPoints.fill(grid, soil, 4)
+        run = mpm.Simulation(grid, body, stepping, terms, replace(mapping, b_bar=b_bar))
         x, v = body.x.copy(), body.velocity
     sx, cx, sy, cy = (f(k * x[:, d]) for d in (0, 1) for f in (np.sin, np.cos))
     shape = np.stack((sx * cy, -cx * sy), axis=1)
     v[:] = 1e-6 * soil.s_speed * shape
-    energy, found = run.record(Energy()), [0.0]
+    energy, found = run.record(mpm.Energy()), [0.0]
     for _ in range(STEPS):
         run.step()
         u = run.motion.nodal(run.displacement) if mapping is None else body.x - x
@@ -156,7 +146,7 @@ def test_nearly_incompressible(mapping, record):
     name, case = mapping or "FE", "15 ν = 0.499, Lamé's mode, 1,000 steps"
     period, energy = lame_mode(mapping, False)
     fast = mapping is None or not mapping.composite
-    keeps = mapping in (None, MPM)
+    keeps = mapping in (None, mpm.MPM)
     record(f"{case}: period", name, abs(period), LOCKS if fast else "")
     record(f"{case}: energy", name, abs(energy[-1] - 1), "" if keeps else DAMPED)
     assert 0.3 < abs(period) < 0.47 if fast else abs(period) < 0.046
@@ -170,25 +160,25 @@ def test_nearly_incompressible(mapping, record):
     record(f"{case}, B-bar: period", name, abs(period))
     record(f"{case}, B-bar: energy", name, abs(energy[-1] - 1), "" if mapping is None else TIRES)
     assert abs(period) < (3.6e-3 if mapping and mapping.support else 1e-3)
-    least = {None: 1 - 1e-9, DM_G: 0.915, DM_GC: 0.92, DM_GCL: 0.8}.get(mapping, 0.845)
+    least = {None: 1 - 1e-9, mpm.DM_G: 0.915, mpm.DM_GC: 0.92, mpm.DM_GCL: 0.8}.get(mapping, 0.845)
     assert least < energy[-1] < 1 + 1e-9
 
 
 def meet(mapping, n=8, gap=3, speed=0.01):
     """A bar of n cells meets another at rest, ν = 0: velocities at last (over v), largest loss of
     momentum, distance (cells) where it begins, and that at last."""
-    soil = LinearElastic(20e6, 0.0, 1500.0)
-    v, stepping, cells = speed * soil.p_speed, Newmark(0.5 * H / soil.p_speed), 2 * n + gap + 12
-    grid = Grid.box((0, 0), (cells * H, H), (cells, 1))
+    soil = mpm.LinearElastic(20e6, 0.0, 1500.0)
+    v, stepping, cells = speed * soil.p_speed, mpm.Newmark(0.5 * H / soil.p_speed), 2 * n + gap + 12
+    grid = mpm.Grid.box((0, 0), (cells * H, H), (cells, 1))
     left, right = (
-        MaterialPoints.fill(
+        mpm.MaterialPoints.fill(
             grid, soil, 4, inside=lambda x, a=a: (x[0] > a * H) & (x[0] < (a + n) * H)
         )
         for a in (1, 1 + n + gap)
     )
     left.velocity, right.velocity = np.tile([v, 0.0], (len(left), 1)), np.zeros_like(right.x)
-    smooth = Fixed(grid.facets("bottom", "top"), "y")
-    run = Simulation(grid, [left, right], stepping, [smooth], mapping)
+    smooth = mpm.Fixed(grid.facets("bottom", "top"), "y")
+    run = mpm.Simulation(grid, [left, right], stepping, [smooth], mapping)
     found = []
     for _ in range(round((gap / speed + 2 * n + 4 / speed) / 0.5)):
         run.step()
@@ -207,7 +197,7 @@ def test_two_bodies_meet_and_should_part(mapping, record):
     body thrown back at 0.2, with 1.49 of the energy.  Uncorrected they stay together as the others.
     """
     velocities, lost, begins, apart = meet(mapping)
-    given = mapping is DM_GC
+    given = mapping is mpm.DM_GC
     error = abs(velocities[1] - 1)
     record("15 two bodies meet: momentum", mapping, lost)
     record("15 two bodies meet: velocities exchanged", mapping, error, GIVEN if given else STICK)
@@ -216,7 +206,7 @@ def test_two_bodies_meet_and_should_part(mapping, record):
     if given:
         assert 1.1 < velocities[1] < 1.22
         assert apart > 1.0
-        velocities, _, _, apart = meet(replace(mapping, correction=AccelerationCorrection.OFF))
+        velocities, _, _, apart = meet(replace(mapping, correction=mpm.AccelerationCorrection.OFF))
         case = "15 two bodies meet, uncorrected: velocities exchanged"
         record(case, mapping, abs(velocities[1] - 1), STICK)
     assert velocities[1] < 0.8

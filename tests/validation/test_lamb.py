@@ -11,18 +11,7 @@ import numpy as np
 import pytest
 from methods import LINEAR, POINTS, TILING, name
 
-from mpm_fenicsx import (
-    DM_GC,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-    Traction,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.analytical.waves import rayleigh_speed
 
 pytestmark = pytest.mark.validation
@@ -33,19 +22,21 @@ NEAR, FAR, WIDE, DEEP = 4, 8, 10, 3  # receivers and extent in wavelengths
 def surface_speed(mapping, poisson, wave=12):
     """Speed of the surface wave over c_s, from two receivers of vertical velocity; ``wave``: its
     length in cells."""
-    soil = LinearElastic(20e6, poisson, 1500.0)
+    soil = mpm.LinearElastic(20e6, poisson, 1500.0)
     width, depth = WIDE * wave, DEEP * wave
     above = 0 if mapping is None else 2
-    grid = Grid.box((0, -depth - above), (width + above, above), (width + above, depth + 2 * above))
+    grid = mpm.Grid.box(
+        (0, -depth - above), (width + above, above), (width + above, depth + 2 * above)
+    )
     if mapping is None:
         side, base, top = grid.facets("right"), grid.facets("bottom"), grid.facets("top")
     else:
-        body = MaterialPoints.fill(
+        body = mpm.MaterialPoints.fill(
             grid, soil, 4, inside=lambda x: (x[0] < width) & (x[1] > -depth) & (x[1] < 0)
         )
         side, base, top = (body.surface(name) for name in ("right", "bottom", "top"))
     period = wave / soil.s_speed
-    stepping = Newmark(0.5 / soil.s_speed)
+    stepping = mpm.Newmark(0.5 / soil.s_speed)
 
     def load(t, x):
         s = (np.pi * (t / period - 1.5)) ** 2
@@ -54,15 +45,15 @@ def surface_speed(mapping, poisson, wave=12):
         return pull
 
     terms = [
-        Fixed(grid.facets("left"), "x"),
-        Traction(top, load),
-        ViscousBoundary(side, soil),
-        ViscousBoundary(base, soil),
+        mpm.Fixed(grid.facets("left"), "x"),
+        mpm.Traction(top, load),
+        mpm.ViscousBoundary(side, soil),
+        mpm.ViscousBoundary(base, soil),
     ]
     run = (
-        FiniteElements(grid, soil, stepping, terms)
+        mpm.FiniteElements(grid, soil, stepping, terms)
         if mapping is None
-        else Simulation(grid, body, stepping, terms, mapping)
+        else mpm.Simulation(grid, body, stepping, terms, mapping)
     )
     place, read = run.sampler("velocity")
     rows = [np.hypot(place[:, 0] - n * wave, place[:, 1]).argmin() for n in (NEAR, FAR)]
@@ -81,7 +72,7 @@ def surface_speed(mapping, poisson, wave=12):
 
 @pytest.mark.parametrize(
     "mapping, poisson",
-    [*product((None, *POINTS), (0.25,)), *product((None, DM_GC), (0.3, 0.41))],
+    [*product((None, *POINTS), (0.25,)), *product((None, mpm.DM_GC), (0.3, 0.41))],
     ids=name,
 )
 def test_speed_of_the_surface_wave(mapping, poisson, record):
@@ -94,7 +85,7 @@ def test_speed_of_the_surface_wave(mapping, poisson, record):
     """
     exact = rayleigh_speed(poisson)
     error = surface_speed(mapping, poisson) / exact - 1
-    bound = 0.0075 if mapping is DM_GC else 0.0107 if mapping in TILING else 0.029
+    bound = 0.0075 if mapping is mpm.DM_GC else 0.0107 if mapping in TILING else 0.029
     record(
         f"10 Lamb, ν = {poisson:g}: speed of the surface wave ({exact:.4f} c_s)",
         mapping,

@@ -10,22 +10,17 @@ import numpy as np
 import pytest
 from methods import MAPPED
 
-from mpm_fenicsx import (
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    QuasiStatic,
-    Simulation,
-    SurfacePoints,
-    Traction,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.analytical.waves import thick_cylinder
 
 pytestmark = pytest.mark.validation
 
-SOIL, INNER, OUTER, PRESSURE = LinearElastic(young=20e6, poisson=0.3, density=1500.0), 1.0, 2.0, 1.0
+SOIL, INNER, OUTER, PRESSURE = (
+    mpm.LinearElastic(young=20e6, poisson=0.3, density=1500.0),
+    1.0,
+    2.0,
+    1.0,
+)
 
 
 def errors(x, u, stress):
@@ -53,20 +48,20 @@ def points(mapping, cells):
     """Errors with so many cells a metre."""
     h = 1 / cells
     n = round((OUTER + 2 * h) * cells)
-    grid = Grid.box((0, 0), (n * h, n * h), (n, n))
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box((0, 0), (n * h, n * h), (n, n))
+    body = mpm.MaterialPoints.fill(
         grid, SOIL, 4, inside=lambda x: (np.hypot(*x) > INNER) & (np.hypot(*x) < OUTER)
     )
     start, k = body.x.copy(), 8 * cells
     angle = (np.arange(k) + 0.5) * np.pi / 2 / k
     normal = -np.stack((np.cos(angle), np.sin(angle)), axis=1)
-    circle = SurfacePoints(-INNER * normal, normal, np.full(k, np.pi / 2 * INNER / k))
+    circle = mpm.SurfacePoints(-INNER * normal, normal, np.full(k, np.pi / 2 * INNER / k))
     terms = [
-        Fixed(grid.facets("left"), "x"),
-        Fixed(grid.facets("bottom"), "y"),
-        Traction(circle, -PRESSURE * normal),
+        mpm.Fixed(grid.facets("left"), "x"),
+        mpm.Fixed(grid.facets("bottom"), "y"),
+        mpm.Traction(circle, -PRESSURE * normal),
     ]
-    run = Simulation(grid, body, QuasiStatic(1), terms, mapping)
+    run = mpm.Simulation(grid, body, mpm.QuasiStatic(1), terms, mapping)
     run.step()
     return errors(start, body.x - start, body.stress)
 
@@ -80,13 +75,13 @@ def polar(cells, folder):
     path = folder / f"ring_{cells}.vtu"
     x = np.stack((R * np.cos(A), R * np.sin(A), 0 * R), axis=-1).reshape(-1, 3)
     meshio.write(path, meshio.Mesh(x, [("quad", quads)]))
-    grid = Grid.read(path, facets={"hole": lambda x: np.hypot(x[0], x[1]) < INNER * (1 + 1e-6)})
-    walls = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom"), "y")]
-    push = Traction(
+    grid = mpm.Grid.read(path, facets={"hole": lambda x: np.hypot(x[0], x[1]) < INNER * (1 + 1e-6)})
+    walls = [mpm.Fixed(grid.facets("left"), "x"), mpm.Fixed(grid.facets("bottom"), "y")]
+    push = mpm.Traction(
         grid.facets("hole"),
         lambda t, x: PRESSURE * x / np.fmax(np.linalg.norm(x, axis=1), 1e-9)[:, None],
     )
-    run = FiniteElements(grid, SOIL, QuasiStatic(1), [*walls, push])
+    run = mpm.FiniteElements(grid, SOIL, mpm.QuasiStatic(1), [*walls, push])
     run.step()
     nodes, u = run.sampler("displacement")
     centres, stress = run.sampler("stress")

@@ -7,22 +7,11 @@ import numpy as np
 import pytest
 from methods import LINEAR, STRESS_LOST, TILING, name, over
 
-from mpm_fenicsx import (
-    DM_GC,
-    DM_GCL,
-    FiniteElements,
-    Fixed,
-    Gravity,
-    Grid,
-    Hencky,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 
 pytestmark = pytest.mark.validation
 
-SOIL = Hencky(young=1e6, poisson=0.0, density=1000.0)
+SOIL = mpm.Hencky(young=1e6, poisson=0.0, density=1000.0)
 SPEED, LENGTH, A, END = SOIL.p_speed, 1.0, 0.05, 1.0
 K, OMEGA = 2 * math.pi / LENGTH, math.pi * SPEED / LENGTH
 CELLS = (20, 40, 80)
@@ -79,7 +68,7 @@ def errors(kind, cells, per_cell=4, size=1.0):
     """
     a, h, n = A * size, LENGTH / cells, 2 * cells
     dt = END / n
-    grid = Grid.box((0, 0), (LENGTH, h), (cells, 1))
+    grid = mpm.Grid.box((0, 0), (LENGTH, h), (cells, 1))
     clock = SPEED / LENGTH
 
     def g(t, x):
@@ -87,20 +76,20 @@ def errors(kind, cells, per_cell=4, size=1.0):
         return np.stack((force(X, t * clock, a), 0 * X), axis=1)
 
     terms = [
-        Fixed(grid.facets("left", "right")),
-        Fixed(grid.facets("bottom", "top"), "y"),
-        Gravity(g),
+        mpm.Fixed(grid.facets("left", "right")),
+        mpm.Fixed(grid.facets("bottom", "top"), "y"),
+        mpm.Gravity(g),
     ]
     if kind is None:
-        run = FiniteElements(grid, SOIL, Newmark(dt / clock), terms)
+        run = mpm.FiniteElements(grid, SOIL, mpm.Newmark(dt / clock), terms)
         x = grid.space.tabulate_dof_coordinates()[:, 0]
         run.motion.nodal(run.motion.v)[:, 0] = a * OMEGA * np.sin(K * x)
         X, centre = x, run.sampler("stress")[0][:, 0]
     else:
-        body = MaterialPoints.fill(grid, SOIL, per_cell)
+        body = mpm.MaterialPoints.fill(grid, SOIL, per_cell)
         X = centre = body.x[:, 0].copy()
         body.velocity = np.stack((a * OMEGA * np.sin(K * X), 0 * X), axis=1)
-        run = Simulation(grid, body, Newmark(dt / clock), terms, kind)
+        run = mpm.Simulation(grid, body, mpm.Newmark(dt / clock), terms, kind)
     sums = np.zeros(4)
     for step in range(1, n + 1):
         run.step()
@@ -121,25 +110,25 @@ def errors(kind, cells, per_cell=4, size=1.0):
 
 
 @pytest.mark.parametrize(
-    "kind, per_cell", [*((kind, 4) for kind in (None, *TILING)), (DM_GCL, 16)], ids=name
+    "kind, per_cell", [*((kind, 4) for kind in (None, *TILING)), (mpm.DM_GCL, 16)], ids=name
 )
 def test_orders(kind, per_cell, record):
     """1.9 in displacement and 1.4 in stress are wanted; for the latter stress has to be linear over
     support domains."""
     found = np.array([errors(kind, n, per_cell) for n in CELLS])
     u, σ = np.log2(found[0] / found[-1]) / 2
-    misses = kind is DM_GC
+    misses = kind is mpm.DM_GC
     many = ", 16 points a cell" if per_cell == 16 else ""
     record(f"{CASE}{many}: displacement", kind, found[-1, 0])
     record(f"{CASE}{many}: stress", kind, found[-1, 1], NOISE if misses else "")
-    assert u > (1.85 if (kind, per_cell) == (DM_GCL, 4) else 1.9)
+    assert u > (1.85 if (kind, per_cell) == (mpm.DM_GCL, 4) else 1.9)
     assert 0.6 < σ < 1.4 if misses else σ > 1.4
 
 
 def test_without_crossings_dm_gc_is_of_second_order():
     """A tenth of the amplitude, so that points hardly leave their cells: the order that noise hides
     is there."""
-    found = np.array([errors(DM_GC, n, size=0.1) for n in CELLS])
+    found = np.array([errors(mpm.DM_GC, n, size=0.1) for n in CELLS])
     assert (np.log2(found[0] / found[-1]) / 2 > 1.9).all()
 
 

@@ -14,20 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[2] / "studies"))
 import two_bars
 from methods import MAPPED
 
-from mpm_fenicsx import (
-    CMPM,
-    DM_C,
-    Contact,
-    Fixed,
-    Gravity,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    QuasiStatic,
-    Simulation,
-    Traction,
-)
+import mpm_fenicsx as mpm
 
 pytestmark = pytest.mark.validation
 
@@ -72,7 +59,7 @@ def test_equal_bars(mapping, record):
     assert shown["velocity"] < 0.031
     assert shown["middle"] < 5e-4
     assert abs(shown["duration"] / 2.0 - 1.0) < 0.01
-    gains = mapping in (CMPM, DM_C)
+    gains = mapping in (mpm.CMPM, mpm.DM_C)
     record(f"{CASE}: energy", mapping, abs(shown["energy"] - 1.0), GAINS if gains else "")
     assert shown["most"] > 1.1 if gains else 0.95 < shown["energy"] < 1.0 and shown["most"] < 1.01
 
@@ -94,11 +81,11 @@ def test_bars_in_series(mapping, record):
     h, na, nb, p, ratio = 0.25, 8, 12, 2e3, 100.0
     a, b = na * h / 20e6, nb * h / (20e6 * ratio)
     g = 0.5 * p * a
-    grid = Grid.box((0, 0), ((na + nb) * h, 2 * h), (na + nb, 2))
+    grid = mpm.Grid.box((0, 0), ((na + nb) * h, 2 * h), (na + nb, 2))
     left, right = (
-        MaterialPoints.fill(
+        mpm.MaterialPoints.fill(
             grid,
-            LinearElastic(E, 0.0, 1500.0),
+            mpm.LinearElastic(E, 0.0, 1500.0),
             4,
             inside=lambda x, k=k: (x[0] < na * h) == (k == 0),
         )
@@ -108,16 +95,18 @@ def test_bars_in_series(mapping, record):
         value *= 1.0 - g / (na * h)
     end = left.surface("right")
     start = right.surface("left")
-    smooth = Fixed(grid.facets("bottom", "top"), "y")
-    one = Simulation(
+    smooth = mpm.Fixed(grid.facets("bottom", "top"), "y")
+    one = mpm.Simulation(
         grid,
         left,
-        QuasiStatic(4),
-        [smooth, Fixed(grid.facets("left")), Traction(end, lambda t: (p * t, 0.0))],
+        mpm.QuasiStatic(4),
+        [smooth, mpm.Fixed(grid.facets("left")), mpm.Traction(end, lambda t: (p * t, 0.0))],
         mapping,
     )
-    two = Simulation(grid, right, QuasiStatic(4), [smooth, Fixed(grid.facets("right"))], mapping)
-    run = Contact((one, end), (two, start))
+    two = mpm.Simulation(
+        grid, right, mpm.QuasiStatic(4), [smooth, mpm.Fixed(grid.facets("right"))], mapping
+    )
+    run = mpm.Contact((one, end), (two, start))
     run.until(1.0)
     q = (p * a - g) / (a + b)
     error = max(np.abs(right.stress[:, 0] + q).max(), np.abs(left.stress[:, 0] - (p - q)).max()) / q
@@ -132,10 +121,13 @@ def test_a_block_rests_and_slides(mapping, record):
 
     With MPM and CMPM too, since light nodes are tied: a corner that enters a cell before its points
     do was thrown out of the grid."""
-    h, soil, slide = 0.25, LinearElastic(20e6, 0.3, 1500.0), 0.5
-    grid, stepping = Grid.box((0, 0), (16 * h, 7 * h), (16, 7)), Newmark(0.5 * h / soil.p_speed)
-    base = MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] < 3 * h)
-    block = MaterialPoints.fill(
+    h, soil, slide = 0.25, mpm.LinearElastic(20e6, 0.3, 1500.0), 0.5
+    grid, stepping = (
+        mpm.Grid.box((0, 0), (16 * h, 7 * h), (16, 7)),
+        mpm.Newmark(0.5 * h / soil.p_speed),
+    )
+    base = mpm.MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] < 3 * h)
+    block = mpm.MaterialPoints.fill(
         grid,
         soil,
         4,
@@ -143,10 +135,12 @@ def test_a_block_rests_and_slides(mapping, record):
     )
     block.velocity = np.tile([slide, 0.0], (len(block), 1))
     steps = 400
-    weight = Gravity(lambda t: (0.0, -9.81 * min(1.0, t / (steps * stepping.dt))))
-    above = Simulation(grid, block, stepping, [weight], mapping)
-    below = Simulation(grid, base, stepping, [weight, Fixed(grid.facets("bottom"))], mapping)
-    run = Contact((above, block.surface("bottom")), (below, base.surface("top")))
+    weight = mpm.Gravity(lambda t: (0.0, -9.81 * min(1.0, t / (steps * stepping.dt))))
+    above = mpm.Simulation(grid, block, stepping, [weight], mapping)
+    below = mpm.Simulation(
+        grid, base, stepping, [weight, mpm.Fixed(grid.facets("bottom"))], mapping
+    )
+    run = mpm.Contact((above, block.surface("bottom")), (below, base.surface("top")))
     found = []
     for _ in range(2 * steps):
         run.step()

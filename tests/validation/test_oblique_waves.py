@@ -13,23 +13,7 @@ import numpy as np
 import pytest
 from methods import POINTS, TILING, over
 
-from mpm_fenicsx import (
-    CMPM,
-    DM_C,
-    DM_GC,
-    DM_GCL,
-    MPM,
-    AccelerationCorrection,
-    Energy,
-    FiniteElements,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-    ViscousBoundary,
-)
+import mpm_fenicsx as mpm
 from mpm_fenicsx.analytical.waves import dashpot_echo
 from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 
@@ -39,8 +23,8 @@ TIRES = (
     "the matrix is stiffer than what points give back, and more so as cells lock: loss of energy, "
     "first order in Δt, where accelerations are not corrected"
 )
-GENTLE = {None: 0.0018, DM_GC: 0.0011}
-STEEP = {None: 0.0085, DM_C: 0.0103, DM_GC: 0.0039, DM_GCL: 0.011}
+GENTLE = {None: 0.0018, mpm.DM_GC: 0.0011}
+STEEP = {None: 0.0085, mpm.DM_C: 0.0103, mpm.DM_GC: 0.0039, mpm.DM_GCL: 0.011}
 """Bounds of the error, at angles up to 40° and at 60°; of the other mappings 0.0105 and 0.0081."""
 
 CELLS = 16  # a wavelength
@@ -106,44 +90,44 @@ class Packet:
 def sent(mapping, wave, degrees, poisson, courant=0.5, b_bar=False):
     """The packet as it is sent down: the run, its energy, the packet, and how long until what comes
     back is up."""
-    soil, spread = LinearElastic(20e6, poisson, 1500.0), 0.8 * CELLS
+    soil, spread = mpm.LinearElastic(20e6, poisson, 1500.0), 0.8 * CELLS
     packet = Packet(soil, wave, degrees, 4 * spread, spread)
     height = round(12 * spread)
     wait = 7 if degrees > 50 else 5  # the shallow waves of the packet come late
     side = "y" if wave == "S" and not degrees else "x"
-    stepping = Newmark(courant / packet.speed)
+    stepping = mpm.Newmark(courant / packet.speed)
     size = 1e-6
     if mapping is None:
-        grid = Grid.box((0, 0), (packet.cells, height), (packet.cells, height))
+        grid = mpm.Grid.box((0, 0), (packet.cells, height), (packet.cells, height))
         terms = [
-            Fixed(grid.facets("left", "right"), side),
-            ViscousBoundary(grid.facets("bottom"), soil),
+            mpm.Fixed(grid.facets("left", "right"), side),
+            mpm.ViscousBoundary(grid.facets("bottom"), soil),
         ]
-        run = FiniteElements(grid, soil, stepping, terms, b_bar=b_bar)
+        run = mpm.FiniteElements(grid, soil, stepping, terms, b_bar=b_bar)
         u, _, v, a = packet.at(grid.space.tabulate_dof_coordinates()[:, :2])
         for f, value in ((run.displacement, u), (run.motion.v, v), (run.motion.a, a)):
             run.motion.nodal(f)[:] = size * value
     else:
-        grid = Grid.box((0, -2), (packet.cells, height), (packet.cells, height + 2))
-        body = MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] > 0)
+        grid = mpm.Grid.box((0, -2), (packet.cells, height), (packet.cells, height + 2))
+        body = mpm.MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] > 0)
         _, gradient, v, a = packet.at(body.x)
         strain = 0.5 * size * (gradient + gradient.transpose(0, 2, 1))
         rows = np.zeros_like(body.stress)
         rows[:, 0], rows[:, 1], rows[:, 3] = strain[:, 0, 0], strain[:, 1, 1], 2 * strain[:, 0, 1]
         body.stress = soil.update(rows, body.stress)
         body.velocity, body.acceleration = size * v, size * a
-        run = Simulation(
+        run = mpm.Simulation(
             grid,
             body,
             stepping,
             [
-                Fixed(grid.facets("left", "right"), side),
-                ViscousBoundary(body.surface("bottom"), soil),
+                mpm.Fixed(grid.facets("left", "right"), side),
+                mpm.ViscousBoundary(body.surface("bottom"), soil),
             ],
             replace(mapping, b_bar=b_bar),
         )
     way = packet.start + wait * spread
-    return run, run.record(Energy()), packet, way / packet.speed / np.cos(np.radians(degrees))
+    return run, run.record(mpm.Energy()), packet, way / packet.speed / np.cos(np.radians(degrees))
 
 
 def energy_back(*scene, **keywords):
@@ -170,7 +154,11 @@ def test_energy_that_comes_back(mapping, steep, poisson, wave, record):
     the losses that had covered up for it are gone.
     """
     angles = (
-        (60,) if steep else (0, 20, 40) if mapping in (None, DM_GC) and poisson == 0.25 else (40,)
+        (60,)
+        if steep
+        else (0, 20, 40)
+        if mapping in (None, mpm.DM_GC) and poisson == 0.25
+        else (40,)
     )
     error = max(
         abs(np.subtract(*energy_back(mapping, wave, degrees, poisson))) for degrees in angles
@@ -179,7 +167,7 @@ def test_energy_that_comes_back(mapping, steep, poisson, wave, record):
         f"9 {wave} waves on dashpots, ν = {poisson:g}, {'60' if steep else 'up to 40'}°: energy "
         "back"
     )
-    uncorrected = mapping in (CMPM, DM_C, DM_GCL)
+    uncorrected = mapping in (mpm.CMPM, mpm.DM_C, mpm.DM_GCL)
     tired = uncorrected and wave == "S" and poisson == 0.41
     record(case, mapping, error, TIRES if tired else "")
     if tired:
@@ -202,7 +190,9 @@ def test_a_correction_by_lumped_mass_brings_shear_waves_back(mapping, record):
     strain are 0.3 % off for their dispersion."""
     error = abs(
         np.subtract(
-            *energy_back(replace(mapping, correction=AccelerationCorrection.LUMPED), "S", 60, 0.41)
+            *energy_back(
+                replace(mapping, correction=mpm.AccelerationCorrection.LUMPED), "S", 60, 0.41
+            )
         )
     )
     record("9 S waves on dashpots, ν = 0.41, 60°, lumped correction: energy back", mapping, error)
@@ -223,11 +213,11 @@ def test_what_shear_waves_lose_aslant_is_of_first_order_in_the_step_and_of_locki
             run.step()
         return 1 - energy.left[-1] / energy.left[0]
 
-    linear = lost(DM_GCL)
-    off = replace(DM_GC, correction=AccelerationCorrection.OFF)
+    linear = lost(mpm.DM_GCL)
+    off = replace(mpm.DM_GC, correction=mpm.AccelerationCorrection.OFF)
     assert 0.02 < linear < 0.033
     assert lost(off) == pytest.approx(linear, rel=0.01)
-    assert lost(DM_GCL, 0.25) / linear == pytest.approx(0.5, rel=0.1)
-    assert lost(DM_GCL, b_bar=True) < linear / 5
-    assert 0.0 < lost(DM_GC) < linear / 10
-    assert 0.0 < lost(MPM) < linear / 50
+    assert lost(mpm.DM_GCL, 0.25) / linear == pytest.approx(0.5, rel=0.1)
+    assert lost(mpm.DM_GCL, b_bar=True) < linear / 5
+    assert 0.0 < lost(mpm.DM_GC) < linear / 10
+    assert 0.0 < lost(mpm.MPM) < linear / 50

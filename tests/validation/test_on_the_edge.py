@@ -8,23 +8,11 @@ import numpy as np
 import pytest
 from methods import LOST, MAPPED
 
-from mpm_fenicsx import (
-    CMPM,
-    DM_GC,
-    MPM,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    RunError,
-    Simulation,
-    Traction,
-)
+import mpm_fenicsx as mpm
 
 pytestmark = pytest.mark.validation
 
-SOIL, H, STRESS = LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25, 100e3
+SOIL, H, STRESS = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0), 0.25, 100e3
 UNSTABLE = "composite strain on linear weights: round-off grows"
 HOURGLASS = (
     "one point in the middle of a cell gives its hourglass modes neither mass nor stiffness: a "
@@ -46,8 +34,8 @@ def test_a_body_that_steps_from_node_to_node(dim, mapping, record):
     """Points lie on nodes, or in the middle of edges, before and after every step; the grid starts
     at 1,000 m."""
     origin, cells = np.array([1000.1, -7.3, 0.7])[:dim], [12, 12, 8][:dim]
-    grid = Grid.box(origin, origin + np.array(cells) * H, cells)
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box(origin, origin + np.array(cells) * H, cells)
+    body = mpm.MaterialPoints.fill(
         grid,
         SOIL,
         2**dim,
@@ -56,18 +44,18 @@ def test_a_body_that_steps_from_node_to_node(dim, mapping, record):
     body.x -= H / 4
     on = (body.x - origin) / (H / 2)
     assert np.abs(on - on.round()).max() < 1e-9
-    stepping, start = Newmark(0.5 * H / SOIL.p_speed), body.x.copy()
+    stepping, start = mpm.Newmark(0.5 * H / SOIL.p_speed), body.x.copy()
     body.velocity = np.full_like(body.x, 0.5 * H / stepping.dt)
-    run = Simulation(grid, body, stepping, [], mapping)
+    run = mpm.Simulation(grid, body, stepping, [], mapping)
     try:
         for _ in range(6):
             run.step()
         error = max(
             np.abs(body.stress).max() / SOIL.young, np.abs(body.x - start - 3 * H).max() / H
         )
-    except RunError:
+    except mpm.RunError:
         error = np.inf
-    reason = UNSTABLE if mapping is CMPM else ""
+    reason = UNSTABLE if mapping is mpm.CMPM else ""
     record(f"14 points on nodes and edges, {dim}D: stress/E, path", mapping, error, reason)
     if reason:
         assert error > 0.2
@@ -81,12 +69,12 @@ def test_a_point_a_hair_outside_stays_in_the_run(mapping, record):
     cell."""
     found = []
     for hair in (1e-18, 1e-11 * H):
-        grid = Grid.box((0, 0), (8 * H, 4 * H), (8, 4))
-        body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < 2 * H)
+        grid = mpm.Grid.box((0, 0), (8 * H, 4 * H), (8, 4))
+        body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < 2 * H)
         body.x[body.x[:, 0] < H / 2, 0] = -hair
-        start, stepping = body.x.copy(), Newmark(0.5 * H / SOIL.p_speed)
+        start, stepping = body.x.copy(), mpm.Newmark(0.5 * H / SOIL.p_speed)
         body.velocity = np.tile([0.3 * H / stepping.dt, 0.0], (len(body), 1))
-        run = Simulation(grid, body, stepping, [], mapping)
+        run = mpm.Simulation(grid, body, stepping, [], mapping)
         for _ in range(10):
             run.step()
         found += [
@@ -101,8 +89,8 @@ def bar(mapping, pace, per_cell=4, jitter=0.0, seed=1, shift=0.0, origin=0.0, st
     """Errors of stress, relative, of a bar of 12 cells that moves by ``pace`` cells a step; ∞ where
     the run stops."""
     cells = int(abs(pace) * steps) + 18
-    grid = Grid.box((origin, 0), (origin + cells * H, H), (cells, 1))
-    body = MaterialPoints.fill(
+    grid = mpm.Grid.box((origin, 0), (origin + cells * H, H), (cells, 1))
+    body = mpm.MaterialPoints.fill(
         grid,
         SOIL,
         per_cell,
@@ -110,22 +98,22 @@ def bar(mapping, pace, per_cell=4, jitter=0.0, seed=1, shift=0.0, origin=0.0, st
         jitter=jitter,
         seed=seed,
     )
-    stepping = Newmark(0.5 * H / SOIL.p_speed)
+    stepping = mpm.Newmark(0.5 * H / SOIL.p_speed)
     for places in (body.x, body.seat) if jitter else (body.x,):
         places[:, 0] += shift * H
     body.stress[:, :3] = -STRESS * np.array([1.0, 1 / 3, 1 / 3])
     body.velocity = np.tile([pace * H / stepping.dt, 0.0], (len(body), 1))
-    terms = [Fixed(grid.facets("bottom", "top"), "y")]
+    terms = [mpm.Fixed(grid.facets("bottom", "top"), "y")]
     terms += [
-        Traction(body.surface(side), (push, 0.0))
+        mpm.Traction(body.surface(side), (push, 0.0))
         for side, push in (("left", STRESS), ("right", -STRESS))
     ]
-    run, error = Simulation(grid, body, stepping, terms, mapping), []
+    run, error = mpm.Simulation(grid, body, stepping, terms, mapping), []
     try:
         for _ in range(steps):
             run.step()
             error.append(np.abs(body.stress[:, 0] + STRESS).max() / STRESS)
-    except RunError:
+    except mpm.RunError:
         error.append(np.inf)
     return np.array(error)
 
@@ -145,7 +133,7 @@ def test_a_bar_keeps_its_stress(mapping, name, scene, record):
     """Without domains a quarter of it is lost where the four points of a cell are spaced evenly
     over grid lines: 1.4 times it, were light nodes not tied."""
     error = bar(mapping, **scene).max()
-    hourglass = scene.get("per_cell") == 1 and mapping in (MPM, CMPM)
+    hourglass = scene.get("per_cell") == 1 and mapping in (mpm.MPM, mpm.CMPM)
     record(
         f"14 bar under stress, {name}",
         mapping,
@@ -173,7 +161,7 @@ def test_points_strewn_at_random_do_not_hold_a_stress(mapping, record):
     most = max(error.max() for error in errors.values())
     case = "14 bar under stress, random points at rest, 1,000 steps"
     record(case, mapping, most, GAPS if mapping.support else SUMS)
-    assert most < (2.7 if mapping is DM_GC else 1.8 if mapping.support else 0.55)
+    assert most < (2.7 if mapping is mpm.DM_GC else 1.8 if mapping.support else 0.55)
     for draw, error in errors.items():
         grows = mapping.support and mapping.composite and draw == 1
         assert 0.25 < error.max()

@@ -12,25 +12,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mpm_fenicsx import (
-    DM_GC,
-    MPM,
-    Fixed,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newton,
-    QuasiStatic,
-    Simulation,
-    Solver,
-    Traction,
-)
+import mpm_fenicsx as mpm
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "demos" / "extensions"))
 from drucker_prager import DruckerPrager
 
 pytestmark = pytest.mark.validation
-SOIL = LinearElastic(young=20e6, poisson=0.3, density=1800.0)
+SOIL = mpm.LinearElastic(young=20e6, poisson=0.3, density=1800.0)
 LAW = DruckerPrager(SOIL, friction=1.2, dilation=0.0, cohesion=10e3)
 H = 0.25
 
@@ -49,14 +37,16 @@ class Mirrored(DruckerPrager):
 
 def strip(law, mapping, load, tolerance):
     """A run of 50 steps up to ``load`` (Pa)."""
-    grid = Grid.box((0.0, 0.0), (24 * H, 18 * H), (24, 18))
-    body = MaterialPoints.fill(grid, law, 4)
+    grid = mpm.Grid.box((0.0, 0.0), (24 * H, 18 * H), (24, 18))
+    body = mpm.MaterialPoints.fill(grid, law, 4)
     terms = [
-        Fixed(grid.facets("left", "right"), "x"),
-        Fixed(grid.facets("bottom")),
-        Traction(body.surface("top", where=lambda x: x[0] < 4 * H), lambda t: (0.0, -load * t)),
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.Traction(body.surface("top", where=lambda x: x[0] < 4 * H), lambda t: (0.0, -load * t)),
     ]
-    return Simulation(grid, body, QuasiStatic(50), terms, mapping, Solver(newton=Newton(tolerance)))
+    return mpm.Simulation(
+        grid, body, mpm.QuasiStatic(50), terms, mapping, mpm.Solver(newton=mpm.Newton(tolerance))
+    )
 
 
 def first_yield(mapping):
@@ -96,7 +86,7 @@ def residuals(mapping, load, monkeypatch):
     return most
 
 
-@pytest.mark.parametrize(("mapping", "share"), [(DM_GC, 0.8), (MPM, 0.7)], ids=str)
+@pytest.mark.parametrize(("mapping", "share"), [(mpm.DM_GC, 0.8), (mpm.MPM, 0.7)], ids=str)
 def test_the_whole_tangent_needs_fewer_solves(mapping, share, monkeypatch):
     load = 1.5 * first_yield(mapping)
     whole = solves(LAW, mapping, load)

@@ -10,26 +10,11 @@ import numpy as np
 import pytest
 from methods import POINTS, UNSTABLE, name
 
-from mpm_fenicsx import (
-    CMPM,
-    DM,
-    DM_C,
-    DM_GC,
-    MPM,
-    Energy,
-    FiniteElements,
-    Fixed,
-    GeneralizedAlpha,
-    Grid,
-    LinearElastic,
-    MaterialPoints,
-    Newmark,
-    Simulation,
-)
+import mpm_fenicsx as mpm
 
 pytestmark = pytest.mark.validation
 
-SOIL, H, N, STEPS = LinearElastic(young=100e6, poisson=0.0, density=1500.0), 0.25, 20, 10_000
+SOIL, H, N, STEPS = mpm.LinearElastic(young=100e6, poisson=0.0, density=1500.0), 0.25, 20, 10_000
 BETA = np.pi / 2 / (N * H)
 OMEGA = BETA * SOIL.p_speed
 GAINS = (
@@ -40,27 +25,27 @@ LOSES = (
     "points move 0.4 cells across edges, which costs energy; it never grows but for the first "
     "period's 1 %"
 )
-METHODS = [(None, 1), *((mapping, 1) for mapping in POINTS), (DM_GC, 0)]
+METHODS = [(None, 1), *((mapping, 1) for mapping in POINTS), (mpm.DM_GC, 0)]
 
 
 def vibrate(mapping, sweeps, strain, radius=1.0):
     """Displacements (steps + 1,) of the bar's end over v₀/ω, their times, and the energy over that
     at the start."""
     beyond = 0 if mapping is None else 2
-    grid = Grid.box((0, 0), ((N + beyond) * H, H), (N + beyond, 1))
-    terms = [Fixed(grid.facets("left"), "x"), Fixed(grid.facets("bottom", "top"), "y")]
+    grid = mpm.Grid.box((0, 0), ((N + beyond) * H, H), (N + beyond, 1))
+    terms = [mpm.Fixed(grid.facets("left"), "x"), mpm.Fixed(grid.facets("bottom", "top"), "y")]
     dt, v0 = 0.5 * H / SOIL.p_speed, strain * SOIL.p_speed
-    stepping = Newmark(dt) if radius == 1.0 else GeneralizedAlpha(dt, radius)
+    stepping = mpm.Newmark(dt) if radius == 1.0 else mpm.GeneralizedAlpha(dt, radius)
     if mapping is None:
-        run = FiniteElements(grid, SOIL, stepping, terms)
+        run = mpm.FiniteElements(grid, SOIL, stepping, terms)
         place, velocity = grid.space.tabulate_dof_coordinates(), run.motion.nodal(run.motion.v)
     else:
-        body = MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < N * H)
-        run = Simulation(grid, body, stepping, terms, replace(mapping, sweeps=sweeps))
+        body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < N * H)
+        run = mpm.Simulation(grid, body, stepping, terms, replace(mapping, sweeps=sweeps))
         place, velocity = body.x, body.velocity
     x = place[:, 0].copy()
     velocity[:, 0] = v0 * np.sin(BETA * x)
-    energy, end, found = run.record(Energy()), np.argmax(x), [0.0]
+    energy, end, found = run.record(mpm.Energy()), np.argmax(x), [0.0]
     for _ in range(STEPS):
         run.step()
         found.append(
@@ -93,7 +78,7 @@ def test_period_and_energy(mapping, sweeps, record):
     period = half_period * OMEGA / np.pi - 1
     tenths = maxima(energy)
     how = "" if sweeps else ", sweeps=0"
-    gains = mapping is not None and mapping.composite and mapping is not DM_GC
+    gains = mapping is not None and mapping.composite and mapping is not mpm.DM_GC
     record(f"6 vibration, 10,000 steps: period{how}", mapping, abs(period))
     record(
         f"6 vibration, 10,000 steps: energy{how}",
@@ -121,24 +106,24 @@ def test_the_energy_of_composite_strain_falls_as_the_first_mode_is_damped(radius
     studies/amplification_map.py on this bar; the acceleration uncorrected it is 1.9e-8 above 1, and
     6.6e-9 and 4.0e-8 below.  The first is the correction's own, not the averaging's: eight sweeps
     leave 2.524e-8.  Within a period the energy of the points goes up and down by 4e-4."""
-    energy = vibrate(DM_GC, 1, 1e-6, radius)[2]
+    energy = vibrate(mpm.DM_GC, 1, 1e-6, radius)[2]
     tenths = maxima(energy)
     if radius < 1.0:
         name = f"6 vibration, 10,000 steps: energy, spectral radius {radius}"
-        record(name, DM_GC, abs(energy[-1] - 1))
+        record(name, mpm.DM_GC, abs(energy[-1] - 1))
     assert (np.diff(tenths) < 0).all()
     assert tenths[-1] / tenths[0] == pytest.approx((1 - damping) ** (2 * 9000), abs=2e-5)
 
 
 @pytest.mark.parametrize(
-    "mapping, radius", [*((mapping, 1.0) for mapping in POINTS), (DM_GC, 0.9)], ids=str
+    "mapping, radius", [*((mapping, 1.0) for mapping in POINTS), (mpm.DM_GC, 0.9)], ids=str
 )
 def test_energy_where_points_cross_cells(mapping, radius, record):
     """At 3 % of strain, where kinetic and strain energy are no longer those of the small one: 1 %
     up and down."""
     energy = vibrate(mapping, 1, 0.03, radius)[2]
     how = "" if radius == 1.0 else f", spectral radius {radius}"
-    gains, loses = mapping in (CMPM, DM_C), mapping in (MPM, DM)
+    gains, loses = mapping in (mpm.CMPM, mpm.DM_C), mapping in (mpm.MPM, mpm.DM)
     record(
         f"6 vibration at 3 % of strain: energy lost or gained{how}",
         mapping,
