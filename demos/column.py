@@ -21,7 +21,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from mpm_fenicsx import DM_GC, GIMP, MAPPINGS, MPM, Energy, RunError
+from mpm_fenicsx import DM_GC, GIMP, MAPPINGS, MPM, PAPER, Energy, RunError
 from mpm_fenicsx.scenes.column import (
     BASES,
     Watch,
@@ -35,6 +35,7 @@ from mpm_fenicsx.scenes.column import (
     small,
 )
 
+PRESET = "DM-GC, the paper's step"
 RESULTS = Path(__file__).parents[1] / "results"
 FIGURES = (
     "max_pressure_mid_kpa",
@@ -89,8 +90,12 @@ def scenes(everything):
                 peak,
                 lambda base=base, mapping=mapping: material_points(base, peak, mapping),
             )
+        if everything:
+            yield PRESET, base, peak, lambda base=base: material_points(base, peak, **PAPER)
         yield "FE", base, small, lambda base=base: finite_elements(base, small)
         yield "DM-GC", base, small, lambda base=base: material_points(base, small)
+        if everything:
+            yield PRESET, base, small, lambda base=base: material_points(base, small, **PAPER)
 
 
 def table(rows):
@@ -210,7 +215,7 @@ def main(arguments=None) -> list[dict]:
 
             row, curve = measure(make(), base, load, progress=advance)
             progress.update(task, completed=done + round(end / dt))
-            rows.append(row)
+            rows.append({**row, "mapping": name})
             if load == peak:
                 curves[name, base] = curve
             (chosen.results / "column.json").write_text(json.dumps(rows, indent=1) + "\n")
