@@ -54,11 +54,11 @@ def test_deposit_internal_force(benchmark, run):
 
 
 def test_gradients(benchmark, run):
-    benchmark(run.stencils[0].gradient_at_points, run.motion.nodal(run.motion.u))
+    benchmark(run.stencils[0].gradient_at_points, run.nodal("increment"))
 
 
 def test_values(benchmark, run):
-    benchmark(run.stencils[0].at_points, run.motion.nodal(run.motion.u))
+    benchmark(run.stencils[0].at_points, run.nodal("increment"))
 
 
 def test_place_composite(benchmark, block):
@@ -74,6 +74,6 @@ def test_composite_gradients(benchmark, block):
         run.composites[0].gradient_at_points,
         run.bodies[0].x,
         run.cells[0],
-        run.motion.nodal(run.motion.u),
+        run.nodal("increment"),
     )
     assert benchmark.stats.stats.min <= RECOVERY

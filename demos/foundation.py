@@ -121,7 +121,7 @@ def measure(run, scene, until=end, progress=None):
         time_of_max_s=float(t[q.argmax()]),
         plastic_area_m2=float(volume[strain > YIELDED].sum()),
         settlement_m=-float(surface.values[-1, 1]),
-        newton_per_step=run.equilibrium.solves / steps,
+        newton_per_step=run.solves / steps,
         seconds_per_step=seconds / steps,
         steps=run.steps,
     )

@@ -51,7 +51,7 @@ class StepMap:
         for column in np.eye(2 * len(self.body)):
             self.put(0.0, column, 0.0)
             run.predict()
-            deposit.append(run.motion.v.x.array / self.units[1])
+            deposit.append(run.nodal("velocity").ravel() / self.units[1])
         self.bases = [self._basis(np.array(rows).T) for rows in (force, deposit)]
 
     def _basis(self, observe: np.ndarray):

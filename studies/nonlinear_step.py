@@ -90,7 +90,7 @@ def measure(name, dt):
         "dt": dt,
         "steps": run.steps,
         "reason": reason,
-        "solves": run.equilibrium.solves / steps,
+        "solves": run.solves / steps,
         "ms": 1e3 * (time.perf_counter() - began) / steps,
         "settlement": (-probe.values[:, 1]).tolist(),
     }

@@ -59,7 +59,7 @@ def measure(method, poisson: float, b_bar: bool, h: float = cell) -> dict:
         "load_over_c": curve[-1],
         "error_percent": 100 * (curve[-1] / EXACT - 1),
         "growth_percent": 100 * (curve[-1] / before - 1),
-        "solves_a_step": run.equilibrium.solves / run.steps,
+        "solves_a_step": run.solves / run.steps,
         "stopped": stopped,
         "seconds": time.perf_counter() - start,
         "settlement_mm": settled.tolist(),

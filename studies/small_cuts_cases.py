@@ -129,7 +129,7 @@ def drift(cure: list, steps: int) -> dict:
     try:
         while run.steps < steps:
             run.step()
-            far = max(far, float(np.abs(run.motion.u.x.array).max()))
+            far = max(far, float(np.abs(run.nodal("increment").ravel()).max()))
             iterations.append(run.equilibrium.iterations)
     except mpm.RunError as error:
         stopped = str(error)
@@ -139,7 +139,7 @@ def drift(cure: list, steps: int) -> dict:
         iterations=float(np.mean(iterations)),
         ms_a_step=1e3 * (time.perf_counter() - start) / max(len(iterations), 1),
         furthest_node_m=far,
-        solves_a_step=run.equilibrium.solves / run.steps,
+        solves_a_step=run.solves / run.steps,
         stopped=stopped,
     )
     return row

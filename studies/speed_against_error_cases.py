@@ -145,7 +145,7 @@ def measure(case: Case) -> dict:
         **row,
         "steps": run.steps,
         "iterations": run.equilibrium.iterations,
-        "solves": run.equilibrium.solves,
+        "solves": run.solves,
         "seconds": seconds,
         "cpu_seconds": cpu,
         "ms_per_step": 1e3 * seconds / max(run.steps, 1),

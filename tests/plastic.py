@@ -148,8 +148,8 @@ def plastic_step(kind, dim) -> dict:
     solves = []
     for _ in range(2):
         run.step()
-        solves.append(run.equilibrium.solves)
-    out = {"solves": {"": solves}, "increment": ranks.nodal(grid, run.motion.nodal(run.motion.u))}
+        solves.append(run.solves)
+    out = {"solves": {"": solves}, "increment": ranks.nodal(grid, run.nodal("increment"))}
     if kind is None:
         out["stress"] = rows_by_place(grid, run.yielding.stress)
     else:

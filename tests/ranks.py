@@ -147,8 +147,8 @@ def still(dim: int, mapping) -> dict:
     dolfinx_versions.gather_to_owner(force)
     out["internal"] = nodal(grid, force.x.array.reshape(-1, dim))
     out["residual"] = nodal(grid, run.equilibrium.force.x.array.reshape(-1, dim))
-    out["velocity"] = nodal(grid, run.motion.nodal(run.motion.v))
-    out["increment"] = nodal(grid, run.motion.nodal(run.motion.u))
+    out["velocity"] = nodal(grid, run.nodal("velocity"))
+    out["increment"] = nodal(grid, run.nodal("increment"))
     for name in ("u", "v", "a"):
         assert ghosts_agree(grid, getattr(run.motion, name)) == 0.0
     return out

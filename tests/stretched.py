@@ -36,7 +36,7 @@ def two_steps(kind, dim) -> dict:
         run = mpm.Simulation(grid, body, mpm.Newmark(5e-3), terms, kind, solver)
     for _ in range(2):
         run.step()
-    out = {"increment": ranks.nodal(grid, run.motion.nodal(run.motion.u))}
+    out = {"increment": ranks.nodal(grid, run.nodal("increment"))}
     if kind is None:
         rows = run.yielding.state.reshape(grid.cells, -1)
         centre = 0.5 * (grid.lattice.lower + grid.lattice.upper)

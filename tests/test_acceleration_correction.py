@@ -83,7 +83,7 @@ def test_the_implicit_correction_solves_with_the_matrix_of_the_step(dim, mapping
     after = tensors.matrix(body.stress, dim)
     if law is RUBBER:
         f = (
-            np.eye(dim) + plain._recover(0, plain.motion.nodal(plain.motion.u))
+            np.eye(dim) + plain._recover(0, plain.nodal("increment"))
             if mapping is not mpm.DM_GC
             else None
         )
@@ -112,9 +112,7 @@ def test_the_implicit_correction_solves_with_the_matrix_of_the_step(dim, mapping
 def _gradient(run, before):
     """Displacement gradients of the step at the points as they were, from the composite patches of
     the step."""
-    return run.composites[0].gradient_at_points(
-        before.x, run.cells[0], run.motion.nodal(run.motion.u)
-    )
+    return run.composites[0].gradient_at_points(before.x, run.cells[0], run.nodal("increment"))
 
 
 @DIMS

@@ -154,7 +154,7 @@ def test_nodes_without_material_stay_and_are_not_solved_for(mapping, stepping):
     mapping = replace(mapping, hold_cut_cells=False)
     run = mpm.Simulation(grid, body, stepping, terms, mapping, DIRECT)
     run.step()
-    x, u = grid.space.tabulate_dof_coordinates()[:, :2], run.motion.nodal(run.motion.u)
+    x, u = grid.space.tabulate_dof_coordinates()[:, :2], run.nodal("increment")
     weight = np.zeros(grid.nodes)
     np.add.at(weight, run.stencils[0].nodes, run.stencils[0].values)
     touched = weight > 0.0
@@ -185,7 +185,7 @@ def test_a_node_with_hardly_any_mass_falls_like_the_rest(mapping, fill):
     assert 0.0 < weight[touched].min() < 1.1 * fill[0]
     assert not run.equilibrium.idle.reshape(-1, 2)[touched].any()
     np.testing.assert_allclose(
-        run.motion.nodal(run.motion.u)[touched],
+        run.nodal("increment")[touched],
         np.tile(g * dt**2 / 2, (touched.sum(), 1)),
         rtol=1e-5,
     )
@@ -274,6 +274,6 @@ def test_a_factor_comes_to_the_rescue_of_an_iteration_that_fails():
         )
         run.equilibrium.ksp.setTolerances(max_it=most)
         run.step()
-        found.append(run.motion.u.x.array.copy())
+        found.append(run.nodal("increment").ravel().copy())
         assert run.equilibrium.rescues == (most == 1)
     close(found[1], found[0], 1e-8)

@@ -106,7 +106,7 @@ def test_a_bar_vibrates_with_the_frequency_of_its_mode():
     )
     x = grid.space.tabulate_dof_coordinates()[:, 0]
     k, h, c = np.pi / (2 * L), L / n, rod.p_speed
-    run.motion.nodal(run.motion.v)[:, 0] = np.sin(k * x)
+    run.nodal("velocity")[:, 0] = np.sin(k * x)
     s = np.sin(k * h / 2) ** 2
     ω_h = c / h * np.sqrt(12 * s / (3 - 2 * s))
     ω = 2 / dt * np.arctan(ω_h * dt / 2)
@@ -285,7 +285,7 @@ def test_what_start_takes_over_and_what_not():
     static.step()
     np.testing.assert_allclose(static.motion.nodal(static.displacement)[base], 2e-4, rtol=1e-9)
     moving = mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(0.01), push, start=static)
-    assert not moving.motion.v.x.array.any()
+    assert not moving.nodal("velocity").ravel().any()
     body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)
     points = mpm.Simulation(grid, body, mpm.Newmark(0.01), [])
     with pytest.raises(ValueError, match=r"start must be a finite element run, got .*Simulation"):

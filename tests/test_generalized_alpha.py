@@ -172,11 +172,11 @@ def test_forces_of_finite_elements_balance_inside_the_step(law, ρ, w):
     fixed = [mpm.Fixed(grid.facets("left"), "x"), mpm.Fixed(grid.facets("bottom", "top"), "y")]
     run = mpm.FiniteElements(grid, LAWS[law], mpm.GeneralizedAlpha(2e-3, ρ, w), fixed, solver=EXACT)
     right = grid.space.tabulate_dof_coordinates()[:, 0] > 0.5
-    run.motion.nodal(run.motion.v)[right, 0] = -5.0
+    run.nodal("velocity")[right, 0] = -5.0
     mass, before, (αm, αf) = LAWS[law].density / 3, (0.0, 0.0), alphas(ρ, w)
     for _ in range(12):
         run.step()
-        now = run.motion.nodal(run.motion.a)[right, 0].mean(), run.stress(np.array([0]))[0, 0]
+        now = run.nodal("acceleration")[right, 0].mean(), run.stress(np.array([0]))[0, 0]
         inertia = mass * ((1 - αm) * now[0] + αm * before[0])
         assert inertia + (1 - αf) * now[1] + αf * before[1] == pytest.approx(
             0.0, abs=1e-8 * abs(inertia)
@@ -241,7 +241,7 @@ def test_points_take_the_velocity_of_the_grids_rule(mapping, stepping):
     for _ in range(10):
         run.step()
         v, a = run.motion.end()
-        there = run.motion.nodal(run.motion.u)[:, 1] > 0.0
+        there = run.nodal("increment")[:, 1] > 0.0
         for at_points, at_nodes in ((body.velocity, v), (body.acceleration, a)):
             np.testing.assert_allclose(
                 at_points, np.tile(at_nodes[there].mean(axis=0), (len(body), 1)), rtol=1e-8
@@ -275,7 +275,7 @@ def test_modes_of_a_bar_lose_what_the_matrix_says(ρ, w, k):
             mpm.Fixed(grid.facets("bottom", "top"), "y"),
         ],
     )
-    run.motion.nodal(run.motion.v)[:, 0] = np.sin(θ * grid.space.tabulate_dof_coordinates()[:, 0])
+    run.nodal("velocity")[:, 0] = np.sin(θ * grid.space.tabulate_dof_coordinates()[:, 0])
     energy = run.record(mpm.Energy())
     run.until(steps * dt)
     Ω = 2.0 * np.sqrt(6 * (1 - np.cos(θ)) / (2 + np.cos(θ)))

@@ -47,12 +47,12 @@ def test_the_modes_fit_their_walls_and_swing_with_their_period(wave):
     (Kh)²/24 of it and less."""
     wave = Wave(wave.kind, wave.direction, wave.poisson, 40, 0.5)
     run = standing(wave, None)
-    start = run.motion.v.x.array.copy()
+    start = run.nodal("velocity").ravel().copy()
     assert np.abs(start[run.equilibrium.fixed]).max() < 1e-12 * AMPLITUDE
     for _ in range(round(wave.period / wave.dt)):
         run.step()
     known = start * np.cos(2 * np.pi * run.time / wave.period)
-    assert np.abs(run.motion.v.x.array - known).max() < 0.01 * AMPLITUDE
+    assert np.abs(run.nodal("velocity").ravel() - known).max() < 0.01 * AMPLITUDE
 
 
 @EACH

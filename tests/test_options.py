@@ -100,7 +100,7 @@ def test_what_is_of_the_solver_now(kind, old, now, solver):
     assert len(heard) == 1
     assert before.solver == solver
     same(before, kind(plastic.LAW, solver=solver))
-    assert before.equilibrium.solves > 3  # it yields
+    assert before.solves > 3  # it yields
 
 
 def test_reuse_is_of_the_solver_now():

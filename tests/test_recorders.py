@@ -127,7 +127,7 @@ def test_stress_of_slanted_elements_has_a_place_too(dim, law):
     run = mpm.FiniteElements(grid, law, mpm.QuasiStatic(1), [])
     A = 1e-5 * np.random.default_rng(9).normal(size=(dim, dim))
     probe = run.record(mpm.Probe("stress", (0.5,) * dim))
-    run.motion.u.x.array[:] = dense.at_nodes(grid, lambda x: x @ A.T)
+    run.nodal("increment").ravel()[:] = dense.at_nodes(grid, lambda x: x @ A.T)
     run.carry()
     probe(run)
     elastic = law.elastic if law is LAW else law
@@ -410,9 +410,7 @@ def test_what_a_scene_does_not_have_stays_zero_and_costs_nothing():
     run = mpm.FiniteElements(
         grid, dense.SOIL, mpm.Newmark(1e-3), [mpm.Fixed(grid.facets("bottom"))]
     )
-    run.motion.nodal(run.motion.v)[:] = dense.at_nodes(
-        grid, lambda x: x[:, 1:] * [1.0, 0.0]
-    ).reshape(-1, 2)
+    run.nodal("velocity")[:] = dense.at_nodes(grid, lambda x: x[:, 1:] * [1.0, 0.0]).reshape(-1, 2)
     energy = run.record(mpm.Energy())
     run.until(0.005)
     assert energy._forms == {}

@@ -76,7 +76,7 @@ def test_finite_elements_fall_freely(dim, stepping):
         run = mpm.FiniteElements(grid, law, stepping, [mpm.Gravity((1.0, -9.81, 2.0)[:dim])])
         for _ in range(3):
             run.step()
-        v = run.motion.nodal(run.motion.v)
+        v = run.nodal("velocity")
         np.testing.assert_allclose(
             v, np.tile(run.time * np.array([1.0, -9.81, 2.0])[:dim], (len(v), 1)), rtol=1e-9
         )
@@ -536,7 +536,7 @@ def test_the_initial_acceleration_is_that_of_the_mass_matrix():
     )
     run.begin()
     a = fem.Function(grid.space)
-    a.x.array[:] = run.motion.a.x.array
+    a.x.array[:] = run.nodal("acceleration").ravel()
     scene, w = run.scene, run.motion.w
     left = (
         sum(c.force for c in run.contributions if c.force)
@@ -563,7 +563,7 @@ def test_a_record_is_of_second_order_under_generalised_alpha(radius):
         run = mpm.FiniteElements(grid, SOIL, mpm.GeneralizedAlpha(dt, radius), terms)
         base = grid.space.tabulate_dof_coordinates()[:, 1] < 1e-9
         run.until(0.2)
-        errors.append(np.abs(run.motion.nodal(run.motion.v)[base, 0] - np.sin(6.0) / 30.0).max())
+        errors.append(np.abs(run.nodal("velocity")[base, 0] - np.sin(6.0) / 30.0).max())
     assert errors[0] < 2e-3 / 30.0 and np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.1)
 
 
@@ -580,7 +580,7 @@ def test_what_a_run_has_left_is_no_acceleration_that_is_given():
         mesh, SOIL, mpm.Newmark(1e-3), [mpm.Gravity((0.0, -10.0))], start=before
     )
     after.step()
-    assert np.abs(after.motion.nodal(after.motion.v)[:, 1] + 0.01).max() < 1e-9
+    assert np.abs(after.nodal("velocity")[:, 1] + 0.01).max() < 1e-9
 
 
 def test_short_steps_do_not_feed_a_free_bar_whose_ends_are_cut():

@@ -336,7 +336,7 @@ def test_fixed_holds_its_components_and_no_others(dim, rng):
         [mpm.Fixed(grid.facets("left"), "y"), mpm.Fixed(grid.facets("bottom"))],
     )
     run.step()
-    u, x = run.motion.nodal(run.motion.u), grid.space.tabulate_dof_coordinates()
+    u, x = run.nodal("increment"), grid.space.tabulate_dof_coordinates()
     left, bottom = (np.abs(x[:, d] - grid.lower_corner[d]) < 1e-12 for d in (0, 1))
     assert (u[bottom] == 0.0).all()
     assert (u[left, 1] == 0.0).all()

@@ -103,8 +103,8 @@ def test_uniform_points_that_fill_the_grid_answer_like_the_law_at_the_gauss_poin
     body.stress[:], body.history[:] = state, history
     points = plastic.prepared(mpm.Simulation(grid, body, mpm.QuasiStatic(1), [], mpm.DM_GC))
     twin = mpm.FiniteElements(grid, LAW, mpm.QuasiStatic(1), [])
-    u = 1e-3 * rng.normal(size=len(points.motion.u.x.array))
-    points.motion.u.x.array[:] = u
+    u = 1e-3 * rng.normal(size=len(points.nodal("increment").ravel()))
+    points.nodal("increment").ravel()[:] = u
     points.yielding.evaluate()
     strain = twin.yielding.gauss.strain(u.reshape(-1, dim))
     many = len(strain)
@@ -118,7 +118,7 @@ def test_uniform_points_that_fill_the_grid_answer_like_the_law_at_the_gauss_poin
         points.yielding.stress.rows, beyond, atol=1e-12 * np.abs(beyond).max()
     )
     np.testing.assert_allclose(points.yielding.tangent.rows, soft, atol=1e-12 * np.abs(soft).max())
-    twin.motion.u.x.array[:] = u
+    twin.nodal("increment").ravel()[:] = u
     twin.yielding.state[:], twin.yielding.history[:] = state, history
     twin.yielding._elastic[:] = state
     twin.yielding.evaluate()
@@ -142,8 +142,8 @@ def test_the_first_plastic_step_of_a_full_grid_is_that_of_finite_elements(dim, m
         )
         run.step()
         assert run.yielding.active
-        assert run.equilibrium.solves > 2
-        found.append(run.motion.u.x.array.copy())
+        assert run.solves > 2
+        found.append(run.nodal("increment").ravel().copy())
     np.testing.assert_allclose(found[0], found[1], atol=1e-9 * np.abs(found[1]).max())
 
 
@@ -170,7 +170,7 @@ def at_unrest(kind, grid, seed=7, half=1.0):
             body.half *= half
         run = mpm.Simulation(grid, bodies, mpm.Newmark(0.1), [], kind)
     plastic.prepared(run)
-    run.motion.u.x.array[:] = 4e-4 * rng.normal(size=len(run.motion.u.x.array))
+    run.nodal("increment").ravel()[:] = 4e-4 * rng.normal(size=len(run.nodal("increment").ravel()))
     assert run.yielding.evaluate()
     return run
 
@@ -179,7 +179,7 @@ def at_unrest(kind, grid, seed=7, half=1.0):
 @DIMS
 def test_tangent_rows_are_the_derivative_of_stress_rows(dim, kind):
     run = at_unrest(kind, dense.uneven(dim))
-    law, u = run.yielding, run.motion.u.x.array
+    law, u = run.yielding, run.nodal("increment").ravel()
     start, tangent = u.copy(), law.tangent.rows.copy()
     way = np.random.default_rng(1).normal(size=len(u))
     rows = []
@@ -199,7 +199,7 @@ def test_tangent_rows_are_the_derivative_of_stress_rows(dim, kind):
 
 def plastic_part_of_the_matrix(run):
     """What yielding adds to K: from the matrix, and from differences of the residual."""
-    eq, u = run.equilibrium, run.motion.u.x.array
+    eq, u = run.equilibrium, run.nodal("increment").ravel()
     start, found = u.copy(), []
     for law in (True, False):
         u[:] = start
@@ -266,7 +266,7 @@ def test_far_below_yield_it_is_the_elastic_scene(kind):
         grid = dense.uneven(2)
         run = plastic.run_of(kind, grid, mpm.Newmark(1e-3), plastic.loads(grid, 10.0), law=law)
         run.until(5e-3)
-        assert run.equilibrium.solves == 5
+        assert run.solves == 5
         found.append(run)
     elastic, law = found
     assert elastic.yielding is None
@@ -361,7 +361,7 @@ def test_simple_shear_of_a_block_is_the_same_in_finite_elements_and_at_points(di
         γ = 1.5e-3 if step < 30 else -1.5e-3
         for run in (points, twin):
             plastic.prepared(run)
-            run.motion.u.x.array[:] = dense.at_nodes(
+            run.nodal("increment").ravel()[:] = dense.at_nodes(
                 grid, lambda x, γ=γ: γ * x[:, [1]] * np.eye(dim)[0]
             )
             run.carry()

@@ -67,7 +67,7 @@ def energy_left(
     if mapping is None:
         run = mpm.FiniteElements(grid, soil, mpm.Newmark(t / steps), [*walls, damping])
         x = grid.space.tabulate_dof_coordinates()[:, 0]
-        run.motion.nodal(run.motion.v)[:, 0] = np.sin(np.pi * x / length)
+        run.nodal("velocity")[:, 0] = np.sin(np.pi * x / length)
     else:
         body = mpm.MaterialPoints.fill(grid, soil, 4)
         body.velocity = np.zeros_like(body.x)

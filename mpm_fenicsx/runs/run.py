@@ -10,7 +10,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from ..common.checks import finite
+from ..common.checks import finite, one_of
 from ..common.errors import OutputError, RunError, SolverError
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid import dolfinx_versions
@@ -160,6 +160,21 @@ class Run(Statics):
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's part of the body."""
         raise NotImplementedError
+
+    def nodal(self, field: str) -> np.ndarray:
+        """Nodal values (nodes, dim) that the run works with, to be read or set: "increment" (m) of
+        the last step; in dynamics "velocity" (m/s) and "acceleration" (m/s²) before it or, in a
+        finite element run, after it."""
+        motion = self.motion
+        known = {"increment": motion.u}
+        if self.stepping.dynamic:
+            known.update(velocity=motion.v, acceleration=motion.a)
+        return motion.nodal(known[one_of("field", field, known)])
+
+    @property
+    def solves(self) -> int:
+        """Linear solves so far."""
+        return self.equilibrium.solves
 
     def term_energies(self) -> dict[str, object]:
         """Forms of what terms do to the energy in a step (J), by name."""

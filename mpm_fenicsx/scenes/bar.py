@@ -66,9 +66,7 @@ def finite_elements(bar: Bar, cell: float, dt: float, **options) -> mpm.FiniteEl
     run = mpm.FiniteElements(
         grid, material(bar), mpm.Newmark(dt), terms(bar, grid, dt, lambda x, t: x), **options
     )
-    run.motion.nodal(run.motion.v)[:, 0] = bar.velocity(
-        grid.space.tabulate_dof_coordinates()[:, 0], 0.0
-    )
+    run.nodal("velocity")[:, 0] = bar.velocity(grid.space.tabulate_dof_coordinates()[:, 0], 0.0)
     return run
 
 

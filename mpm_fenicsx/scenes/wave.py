@@ -112,7 +112,7 @@ class Wave:
         """A run that begins with the mode's velocity, without stress."""
         grid, walls = self.grid_and_walls()
         run = mpm.FiniteElements(grid, soil(self.poisson), mpm.Newmark(self.dt), walls)
-        nodal = run.motion.nodal(run.motion.v)
+        nodal = run.nodal("velocity")
         nodal[:] = self.velocity(grid.space.tabulate_dof_coordinates()[: len(nodal)])
         return run
 

@@ -114,7 +114,7 @@ def lame_mode(mapping, b_bar, n=10):
     ]
     if mapping is None:
         run = mpm.FiniteElements(grid, soil, stepping, terms, b_bar=b_bar)
-        x, v = grid.space.tabulate_dof_coordinates()[:, :2], run.motion.nodal(run.motion.v)
+        x, v = grid.space.tabulate_dof_coordinates()[:, :2], run.nodal("velocity")
     else:
         body = mpm.MaterialPoints.fill(grid, soil, 4)
         run = mpm.Simulation(grid, body, stepping, terms, replace(mapping, b_bar=b_bar))

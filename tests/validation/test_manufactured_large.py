@@ -83,7 +83,7 @@ def errors(kind, cells, per_cell=4, size=1.0):
     if kind is None:
         run = mpm.FiniteElements(grid, SOIL, mpm.Newmark(dt / clock), terms)
         x = grid.space.tabulate_dof_coordinates()[:, 0]
-        run.motion.nodal(run.motion.v)[:, 0] = a * OMEGA * np.sin(K * x)
+        run.nodal("velocity")[:, 0] = a * OMEGA * np.sin(K * x)
         X, centre = x, run.sampler("stress")[0][:, 0]
     else:
         body = mpm.MaterialPoints.fill(grid, SOIL, per_cell)

@@ -65,7 +65,7 @@ def solves(law, mapping, load):
     """Solves a step."""
     run = strip(law, mapping, load, 1e-6)
     run.until(1.0)
-    return run.equilibrium.solves / 50
+    return run.solves / 50
 
 
 def residuals(mapping, load, monkeypatch):

@@ -38,7 +38,7 @@ def vibrate(mapping, sweeps, strain, radius=1.0):
     stepping = mpm.Newmark(dt) if radius == 1.0 else mpm.GeneralizedAlpha(dt, radius)
     if mapping is None:
         run = mpm.FiniteElements(grid, SOIL, stepping, terms)
-        place, velocity = grid.space.tabulate_dof_coordinates(), run.motion.nodal(run.motion.v)
+        place, velocity = grid.space.tabulate_dof_coordinates(), run.nodal("velocity")
     else:
         body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < N * H)
         run = mpm.Simulation(grid, body, stepping, terms, replace(mapping, sweeps=sweeps))
