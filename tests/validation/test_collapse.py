@@ -77,9 +77,7 @@ def test_collapse_runs_to_rest_and_its_energy_balances(mapping, h, record):
     stops at 1.6 s.)"""
     tolerance = 1e-4 if mapping is mpm.GIMP else 1e-6
     law = mpm.VonMises(mpm.Hencky(1e6, 0.3, DENSITY), 20e3 / np.sqrt(3), 20e3 / np.sqrt(3), 0.0)
-    run, body, energy = block(
-        mapping, law, h, ramp=0.0, dt=0.01, tolerance=tolerance
-    )
+    run, body, energy = block(mapping, law, h, ramp=0.0, dt=0.01, tolerance=tolerance)
     start = body.x.copy()
     case = f"collapse of a block, h = {h:g} m: energy not found"
     run.until(4.0)
