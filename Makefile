@@ -48,9 +48,9 @@ endif
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
 	@echo
-	@echo '  DOLFINX=wheel|apt forces .venv or Debian'"'"'s packages; PYTHON=... names the Python of .venv;'
-	@echo '  ARGS="..." goes to the command that is run, as in: make test ARGS="-x -k mapping"; JOBS=4: four'
-	@echo '  processes for the tests instead of two'
+	@echo '  DOLFINX=wheel|apt forces .venv or the packages of Debian; PYTHON=... names the Python of'
+	@echo '  .venv; ARGS="..." goes to the command that is run, as in: make test ARGS="-x -k mapping";'
+	@echo '  JOBS=4: four processes for the tests instead of two'
 
 setup: $(READY) ## build .venv, or check Debian's packages where there is no Python >= 3.12
 	@echo "Ready, on DOLFINx from: $(DOLFINX)"
@@ -80,7 +80,8 @@ endif
 	@$(PY) -m pytest -m benchmark benchmarks $(ARGS)
 
 lint: $(filter $(STAMP),$(READY)) ## check the style with ruff
-	@command -v $(RUFF) >/dev/null || { echo "ruff is not on PATH: pip install 'ruff>=0.17,<0.18'" >&2; exit 1; }
+	@command -v $(RUFF) >/dev/null || \
+		{ echo "ruff is not on PATH: pip install 'ruff>=0.17,<0.18'" >&2; exit 1; }
 	@$(RUFF) check $(ARGS) .
 	@$(RUFF) format --check --quiet . || { echo "ruff format would change files: run it" >&2; exit 1; }
 

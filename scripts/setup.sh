@@ -14,6 +14,7 @@ set -eu
 cd "$(dirname "$0")/.."
 root=$(pwd -P)
 venv=.venv
+wheel_needs="x86-64 Linux, with venv and Python.h"
 stamp=$venv/.stamp
 system_python=${SYSTEM_PYTHON:-/usr/bin/python3}
 
@@ -49,7 +50,8 @@ answer() { # path of the base interpreter behind candidate $1, or nothing
 
 find_python() {
     if [ -n "${PYTHON:-}" ]; then
-        "$PYTHON" -c 'import sys; print(sys._base_executable); sys.exit(sys.version_info < (3, 12))' ||
+        "$PYTHON" -c \
+            'import sys; print(sys._base_executable); sys.exit(sys.version_info < (3, 12))' ||
             die "PYTHON=$PYTHON does not run, or is older than 3.12."
         return
     fi
@@ -103,9 +105,12 @@ build_venv() {
         $venv/bin/python -m pip --version >/dev/null 2>&1; then
         say "Refreshing .venv: pyproject.toml has changed or the last set-up did not end ..."
     else
-        python=$(find_python) || { [ -z "${PYTHON:-}" ] || exit 1; die \
-            "No Python >= 3.12 that can carry DOLFINx's wheel was found (x86-64 Linux, with venv and Python.h)." \
-            "Name one with 'make setup PYTHON=/path/to/python3', or use Debian's DOLFINx: 'make test-apt'."; }
+        python=$(find_python) || {
+            [ -z "${PYTHON:-}" ] || exit 1
+            die "No Python >= 3.12 that can carry DOLFINx's wheel was found ($wheel_needs)." \
+                "Name one with 'make setup PYTHON=/path/to/python3', or use Debian's DOLFINx:" \
+                "'make test-apt'."
+        }
         say "Setting up .venv with $("$python" --version) ($python), about a minute ..."
         rm -rf $venv
         "$python" -m venv $venv
@@ -127,10 +132,12 @@ check_apt() {
     missing=$("$system_python" - $apt_modules "$@" <<'PY'
 import importlib.util, sys
 if sys.version_info < (3, 11):
-    sys.exit("%s is Python %d.%d, and 3.11 or later is needed." % ((sys.executable,) + sys.version_info[:2]))
+    found = (sys.executable,) + sys.version_info[:2]
+    sys.exit("%s is Python %d.%d, and 3.11 or later is needed." % found)
 print(*(m for m in sys.argv[1:] if importlib.util.find_spec(m) is None))
 PY
-    ) || die "$system_python cannot be used; on Debian or Ubuntu:  sudo apt install python3 $(apt_packages "$@")"
+    ) || die "$system_python cannot be used; on Debian or Ubuntu:" \
+        "    sudo apt install python3 $(apt_packages "$@")"
     [ -n "$missing" ] || return 0
     packages=
     for module in $missing; do packages="$packages $(package "$module")"; done
@@ -140,7 +147,7 @@ PY
     if python=$(find_python); then
         say "Or use DOLFINx's wheel, with $python: 'make test' and 'make demo' without DOLFINX=apt."
     else
-        say "Or install a Python >= 3.12 (x86-64 Linux, with venv and Python.h), and make will build .venv with it."
+        say "Or install a Python >= 3.12 ($wheel_needs), and make will build .venv with it."
     fi
     exit 1
 }
