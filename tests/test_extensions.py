@@ -2,6 +2,7 @@
 right."""
 
 import sys
+from dataclasses import dataclass
 from pathlib import Path
 
 import dense
@@ -10,6 +11,7 @@ import pytest
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
+from mpm_fenicsx.materials.material import hooke, stiffness
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos" / "extensions"))
 from drucker_prager import DruckerPrager
@@ -176,3 +178,121 @@ def test_simple_shear_ends_at_the_cone_and_the_solver_is_one_for_such_matrices(m
     if not stepping.dynamic:
         stress = run.stress(np.arange(1)) if mapping is None else run.bodies[0].stress
         np.testing.assert_allclose(stress[:, 3], 10e3 / np.sqrt(3), rtol=1e-6)
+
+
+# -- what is refused -------------------------------------------------------------------------------
+
+
+class Own:
+    """A term that returns whatever it is told."""
+
+    def __init__(self, make):
+        self.make = make
+
+    def bind(self, scene):
+        return self.make(scene.motion, scene.dx)
+
+
+def asked(make):
+    grid = dense.uneven(2)
+    terms = [mpm.Fixed(grid.facets("bottom")), Own(make)]
+    return mpm.FiniteElements(grid, SOIL, mpm.QuasiStatic(1), terms)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda m, dx: 3, "bind of Own must return a Contribution, got 3"),
+        (lambda m, dx: mpm.Contribution(3.0), "work of Own must be a form, got 3.0"),
+        (lambda m, dx: mpm.Contribution(m.u[0] * dx), "linear in the test function w .* has 0"),
+        (
+            lambda m, dx: mpm.Contribution(m.u[0] ** 3 * m.w[0] * dx),
+            "work of Own is not linear in the increment u",
+        ),
+        (lambda m, dx: mpm.Contribution(energy={}), "energy of a Contribution must be a function"),
+        (lambda m, dx: mpm.Contribution(before=print), "before .* must be a list of functions"),
+        (lambda m, dx: mpm.Contribution(memory={"x": 1.0}), "memory .* must be arrays .*'x': 1.0"),
+    ],
+)
+def test_a_contribution_that_is_none_is_refused_when_the_run_is_built(make, words):
+    with pytest.raises(ValueError, match=words):
+        asked(make)
+
+
+def test_a_term_that_hides_that_it_is_not_symmetric_is_refused():
+    def askew(symmetric):
+        return lambda m, dx: mpm.Contribution(
+            1e8 * m.u[1] * m.w[0] * dx, symmetric=symmetric, holds=True
+        )
+
+    with pytest.raises(mpm.RunError, match=r"the matrix is askew by .* says symmetric=False"):
+        asked(askew(True)).step()
+    asked(askew(False)).step()
+
+
+def test_energy_of_a_term_has_a_name_of_its_own():
+    run = asked(lambda m, dx: mpm.Contribution(energy=lambda: {"strain": m.u[0] * m.u[0] * dx}))
+    with pytest.raises(ValueError, match="a term names strain, which is of the body itself"):
+        run.record(mpm.Energy())
+
+
+class InPlace(DruckerPrager):
+    def tangent(self, strain, stress, history, given=None):
+        found = super().tangent(strain, stress, history, given)
+        stress[:] = found[0]
+        return found
+
+
+class Apart(DruckerPrager):
+    def respond(self, strain, stress, history, given=None):
+        new, history = super().respond(strain, stress, history, given)
+        return 1.1 * new, history
+
+
+@pytest.mark.parametrize(
+    ("law", "words"),
+    [
+        (InPlace(SOIL, 1.2, 0.3, 10e3), "InPlace changes the stress that it is given"),
+        (Apart(SOIL, 1.2, 0.3, 10e3), "respond and tangent of Apart give different stresses"),
+    ],
+)
+def test_a_law_that_is_not_what_it_says_is_refused(law, words):
+    with pytest.raises(ValueError, match=words):
+        mpm.MaterialPoints.fill(dense.uneven(2), law, 4)
+
+
+@dataclass(frozen=True)
+class Stiffening(mpm.Law):
+    """Elastic, twice as stiff as its reference says, which its ``moduli`` know."""
+
+    density, lame, history = 1800.0, (1e6, 1e6), ("plastic_work",)
+
+    def moduli(self, stress, history, given=None):
+        return 2e6, 2e6
+
+    def tangent(self, strain, stress, history, given=None):
+        dim = 2 if strain.shape[1] == 4 else 3
+        D = np.tile(stiffness((2e6, 2e6), dim), (len(strain), 1, 1))
+        return hooke((2e6, 2e6), strain, stress), history, D
+
+    def yields(self, strain, stress, history, at, of, given=None):
+        return np.zeros(0, np.int32)
+
+
+@pytest.mark.parametrize("mapping", [None, mpm.MPM, mpm.DM_GC], ids=lambda m: str(m or "FE"))
+def test_moduli_of_the_state_are_the_reference_of_points_and_no_matter_to_elements(mapping):
+    grid = mpm.Grid.box((0.0, 0.0), (1.0, 1.0), (2, 2))
+    terms = [
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom"), "y"),
+        mpm.Traction(grid.facets("top"), lambda t: (0.0, -3.0 * t)),
+    ]
+    if mapping is None:
+        run = mpm.FiniteElements(grid, Stiffening(), mpm.QuasiStatic(2), terms)
+    else:
+        body = mpm.MaterialPoints.fill(grid, Stiffening(), 4)
+        run = mpm.Simulation(grid, body, mpm.QuasiStatic(2), terms, mapping)
+    run.until(1.0)
+    run.settle()
+    stress = run.stress(np.arange(4)) if mapping is None else run.bodies[0].stress
+    np.testing.assert_allclose(stress[:, 1], -3.0, rtol=1e-5)

@@ -9,6 +9,7 @@ from dolfinx import fem
 from mpm_fenicsx import MAPPINGS, LinearElastic, MaterialPoints, QuasiStatic, Simulation
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.grid import dolfinx_versions, weak_forms
+from mpm_fenicsx.grid.form_degree import degree
 
 
 @pytest.fixture(params=[2, 3])
@@ -109,3 +110,23 @@ def test_wave_speeds_are_those_of_the_acoustic_tensor(rng):
     acoustic = μ * np.eye(3) + (λ + μ) * np.outer(n, n)
     speeds = np.sqrt(np.linalg.eigvalsh(acoustic) / soil.density)
     np.testing.assert_allclose(speeds, [soil.s_speed, soil.s_speed, soil.p_speed], rtol=1e-12)
+
+
+def test_of_which_degree_a_form_is_in_a_coefficient():
+    grid = dense.uneven(2)
+    u, c, w = fem.Function(grid.space), fem.Function(grid.space), ufl.TestFunction(grid.space)
+    λ, n = fem.Constant(grid.mesh, np.array(2.0)), ufl.FacetNormal(grid.mesh)
+    stress = weak_forms.hooke(λ, λ, weak_forms.strain(u))
+    Z = weak_forms.along_and_across(n, λ, λ)
+    dx, ds = ufl.dx(domain=grid.mesh), ufl.ds(domain=grid.mesh)
+    for form, expected in (
+        (ufl.inner(c, w) * dx, 0),
+        (weak_forms.internal_work(stress, w) * dx, 1),
+        (ufl.inner(λ * u / (1.0 + c[0] ** 2) + c, w) * dx, 1),
+        (weak_forms.dashpot(Z, u - c, w) * ds, 1),
+        (u[0] * ufl.inner(u, w) * dx, 2),
+        (ufl.inner(u, w) * dx + u[0] ** 3 * w[0] * ds, np.inf),
+        (ufl.sin(u[0]) * w[0] * dx, np.inf),
+        (ufl.inner(c / (1.0 + u[0]), w) * dx, np.inf),
+    ):
+        assert degree(form, u) == expected

@@ -194,3 +194,13 @@ def test_the_warning_is_of_the_line_that_has_the_old_argument(call):
     with pytest.warns(DeprecationWarning) as heard:
         exec(compile(call, "script", "exec"), {**vars(mpm_fenicsx), **names})
     assert heard[0].filename == "script"
+
+
+def test_points_by_their_old_name_are_bodies():
+    grid = dense.uneven(2)
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)
+    with pytest.warns(DeprecationWarning, match="points of Simulation is now bodies"):
+        run = mpm.Simulation(grid, stepping=mpm.Newmark(1e-3), terms=[], points=body)
+    assert run.bodies == [body]
+    with pytest.raises(ValueError, match="bodies must be MaterialPoints"):
+        mpm.Simulation(grid)

@@ -86,6 +86,10 @@ def check_law(material, dim: int) -> None:
         raise ValueError(
             f"lame of material must be two finite numbers λ and μ (Pa), got {material.lame!r}"
         )
+    if not (lame[1] > 0.0 and 3.0 * lame[0] + 2.0 * lame[1] > 0.0):
+        raise ValueError(
+            f"lame of material must have μ > 0 and λ + 2μ/3 > 0 (Pa), got {material.lame!r}"
+        )
     if linear:
         if finite:
             raise ValueError(f"material: {type(material).__name__} of finite strain is not linear")
@@ -117,7 +121,9 @@ def _refuse_unless_as_it_says(material, dim: int) -> None:
                 f"initial_history must be {(len(strain), len(material.history))} numbers, one "
                 f"column a name in history = {material.history}, got shape {history.shape}"
             )
-        new, after, tangent = material.tangent(strain.copy(), stress, history.copy(), given)
+        inputs = strain.copy(), stress.copy(), history.copy()
+        new, after, tangent = material.tangent(*inputs, given)
+        again, _ = material.respond(*inputs, given)
         work = material.plastic_work(history, given)
     except Exception as error:
         raise ValueError(f"material: {name} cannot be asked for its response: {error}") from error
@@ -133,6 +139,16 @@ def _refuse_unless_as_it_says(material, dim: int) -> None:
                 f"material: {what} of {name} must be {shape} numbers for {len(strain)} points in "
                 f"{dim}D, got shape {np.shape(value)}"
             )
+    for what, before, now in zip(
+        ("strain", "stress", "history"), (strain, stress, history), inputs, strict=True
+    ):
+        if not np.array_equal(before, now):
+            raise ValueError(
+                f"material: {name} changes the {what} that it is given: it must return new arrays"
+            )
+    size = np.abs(new).max(initial=np.finfo(float).tiny)
+    if not np.allclose(again, new, rtol=1e-9, atol=1e-9 * size, equal_nan=True):
+        raise ValueError(f"material: respond and tangent of {name} give different stresses")
     if not material.symmetric:
         return
     plane = tensors.in_plane(dim)

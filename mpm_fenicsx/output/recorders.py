@@ -123,6 +123,12 @@ class Energy(Series):
     def attach(self, run: Run) -> None:
         """Compile what the scene's terms do to the energy in a step."""
         forms = run.term_energies()
+        taken = sorted(set(forms) & set(run.energy()))
+        if taken:
+            raise ValueError(
+                f"energy: a term names {', '.join(taken)}, which is of the body itself: give what "
+                "the term does another name"
+            )
         self.names = tuple(dict.fromkeys((*self.USUAL, *forms, *run.energy())))
         self._forms = {
             self.names.index(name): dolfinx_versions.compile_form(form)

@@ -62,12 +62,17 @@ class Yielding:
         raise NotImplementedError
 
     def _law(
-        self, material, strain, state, at, of, lame
+        self, material, strain, state, at, of, lame, every: bool = False
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Which pairs of strain ``at`` and state ``of`` yield; their stress beyond the reference of
-        ``lame``, and their tangent beyond it in the plane, as rows of ``tensors.entries``."""
+        ``lame``, and their tangent beyond it in the plane, as rows of ``tensors.entries``.
+
+        ``every``: all do, for ``lame`` is not the reference that the law knows.
+        """
         stress, history, given = state
-        rows = material.yields(strain, stress, history, at, of, given)
+        rows = np.arange(len(at))
+        if not every:
+            rows = material.yields(strain, stress, history, at, of, given)
         at, of = at[rows], of[rows]
         ε, σ = strain[at], stress[of]
         new, _, tangent = material.tangent(ε, σ, history[of], given_at(given, of))

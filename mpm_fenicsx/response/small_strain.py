@@ -119,8 +119,11 @@ class YieldingElements(YieldingAtGaussPoints):
             law, every = part.material, part.count
             if law.linear:
                 continue
+            state = self._state(part)
+            own = law.moduli(*state)
+            strange = not all(np.all(a == b) for a, b in zip(own, law.lame, strict=True))
             rows, stress, tangent = self._law(
-                law, strain[part.rows], self._state(part), every, every, law.lame
+                law, strain[part.rows], state, every, every, law.lame, strange
             )
             if len(rows):
                 self.active = True

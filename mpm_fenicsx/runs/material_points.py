@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -67,14 +68,19 @@ class Simulation(Run):
     def __init__(
         self,
         grid: Grid,
-        bodies: MaterialPoints | Sequence[MaterialPoints],
-        stepping: Newmark | QuasiStatic,
-        terms: Sequence,
+        bodies: MaterialPoints | Sequence[MaterialPoints] | None = None,
+        stepping: Newmark | QuasiStatic | None = None,
+        terms: Sequence = (),
         mapping: PointMapping = DM_GC,
         solver: Solver | None = None,
         initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
         **old,
     ):
+        if bodies is None and "points" in old:
+            warnings.warn(
+                "points of Simulation is now bodies=...", DeprecationWarning, stacklevel=2
+            )
+            bodies = old.pop("points")
         self.bodies = bodies_of(bodies)
         mapping, solver = of_today("Simulation", mapping, solver, old)
         check_start(initial_acceleration)

@@ -27,6 +27,9 @@ from .solver import Solver
 # 1e-18
 IDLE = 1e-20
 
+ASKEW = 1e-8
+"""Of the matrix: what round-off may leave of a symmetric one."""
+
 LOOSE = 1e-2  # relative tolerance that no response is solved with less than
 
 
@@ -87,6 +90,7 @@ class Equilibrium:
         self.idle = np.zeros(self._owned, dtype=bool)
         kind = SolverKind(motion.grid.comm, factored or not motion.stepping.dynamic, self.symmetric)
         self.ksp = linear_solver(self.matrix, kind.options, solver.petsc)
+        self._looked = False
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
         self._can_rescue = ours
@@ -117,6 +121,8 @@ class Equilibrium:
             return
         if self._plain is not None:
             self.matrix.getDiagonal(self._plain)
+        if self.symmetric and not self._looked:
+            self._look_for_symmetry()
         A = self._condense(retied)
         A.getDiagonal(self._diagonal)
         d = self._diagonal.array
@@ -132,6 +138,23 @@ class Equilibrium:
         if self.part.take(~bare, self._diagonal):
             self._reset()
         self.ksp.setOperators(self.part.matrix)
+
+    def _look_for_symmetry(self) -> None:
+        """Raise ``ValueError`` once, where K is not symmetric though terms and laws say so."""
+        self._looked = True
+        x, y = (self.matrix.createVecRight() for _ in range(2))
+        z = self.matrix.createVecLeft()
+        rng = np.random.default_rng(self.motion.grid.comm.rank)
+        x.array[:], y.array[:] = rng.normal(size=(2, len(x.array)))
+        self.matrix.mult(x, z)
+        one, size = z.dot(y), z.norm() * y.norm()
+        self.matrix.mult(y, z)
+        if abs(one - z.dot(x)) > ASKEW * size:
+            raise ValueError(
+                f"terms: the matrix is askew by {abs(one - z.dot(x)) / size:.2g}, though every "
+                "term says that its work has a symmetric derivative: a Contribution whose work has "
+                "not says symmetric=False"
+            )
 
     def _retie(self) -> bool:
         """Make ready for ties that are others than in the last step; whether they are."""

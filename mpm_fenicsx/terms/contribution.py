@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..common.checks import in_short
+
 
 def _no_energy() -> dict[str, object]:
     return {}
@@ -42,3 +44,22 @@ class Contribution:
     symmetric: bool = True
     holds: bool = False
     note: str = ""
+
+    def __post_init__(self) -> None:
+        if not callable(self.energy):
+            raise ValueError(
+                "energy of a Contribution must be a function that returns forms by name, got "
+                f"{in_short(self.energy)}"
+            )
+        for name in ("before", "after"):
+            hooks = getattr(self, name)
+            if not isinstance(hooks, list) or not all(map(callable, hooks)):
+                raise ValueError(
+                    f"{name} of a Contribution must be a list of functions, got {in_short(hooks)}"
+                )
+        for name, value in self.memory.items():
+            if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
+                raise ValueError(
+                    f"memory of a Contribution must be arrays of numbers by name, which change in "
+                    f"place, got {name!r}: {in_short(value)}"
+                )

@@ -10,8 +10,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import ufl
 
+from ..common.checks import in_short
 from ..common.ranks import anywhere
 from ..dynamics.motion import Motion
+from ..grid.form_degree import degree
 from ..grid.grid import Grid
 from .boundary_patches import patch
 from .contribution import Contribution
@@ -62,11 +64,31 @@ class Scene:
             found = term.bind(self)
             if not isinstance(found, Contribution):
                 raise ValueError(
-                    f"terms: bind of {self._binding} must return a Contribution, got {found!r}"
+                    f"terms: bind of {self._binding} must return a Contribution, got "
+                    f"{in_short(found)}"
                 )
+            self._check_work(found)
             self.contributions.append(found)
         self._binding = ""
         return self.contributions
+
+    def _check_work(self, found: Contribution) -> None:
+        """Raise ``ValueError`` for work that is no virtual work, or not linear in u."""
+        whose = f"work of {self._binding}"
+        if not isinstance(found.work, ufl.Form):
+            if isinstance(found.work, int | float) and found.work == 0:
+                return
+            raise ValueError(f"terms: {whose} must be a form, got {in_short(found.work)}")
+        if len(found.work.arguments()) != 1:
+            raise ValueError(
+                f"terms: {whose} must be linear in the test function w of the motion, and has "
+                f"{len(found.work.arguments())} test and trial functions"
+            )
+        if degree(found.work, self.motion.u) > 1:
+            raise ValueError(
+                f"terms: {whose} is not linear in the increment u; a step is iterated for laws "
+                "alone, so take what is not linear at the start of the step, in before"
+            )
 
     def patch(self, surface):
         """The boundary patch of a surface, one for all terms that act on it."""
