@@ -21,7 +21,7 @@ from .mapping.methods import (
     Mapping,
 )
 from .mapping.velocities import flip, trapezoidal
-from .materials import Hencky, LinearElastic, VonMises
+from .materials import Hencky, LinearElastic, OnElastic, VonMises
 from .materials.material import Law, Material
 from .output.checkpoint import Checkpoint
 from .output.recorder import Recorder
@@ -74,6 +74,7 @@ __all__ = [
     "MaterialPoints",
     "Newmark",
     "Newton",
+    "OnElastic",
     "Probe",
     "QuasiStatic",
     "Recorder",

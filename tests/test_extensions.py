@@ -8,10 +8,12 @@ from pathlib import Path
 import dense
 import numpy as np
 import pytest
+from test_hencky import responses
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.materials.material import hooke, stiffness
+from mpm_fenicsx.response.finite_strain import product
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos" / "extensions"))
 from drucker_prager import DruckerPrager
@@ -178,6 +180,26 @@ def test_simple_shear_ends_at_the_cone_and_the_solver_is_one_for_such_matrices(m
     if not stepping.dynamic:
         stress = run.stress(np.arange(1)) if mapping is None else run.bodies[0].stress
         np.testing.assert_allclose(stress[:, 3], 10e3 / np.sqrt(3), rtol=1e-6)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_on_henckys_soil_the_law_is_of_finite_strain_and_its_tangent_whole(dim):
+    """The derivative of nominal stress by the deformation, against differences."""
+    soil = mpm.Hencky(young=20e6, poisson=0.3, density=1800.0)
+    law = DruckerPrager(soil, friction=1.2, dilation=0.3, cohesion=10e3)
+    assert law.kinematics.finite
+    n, rng = 20, np.random.default_rng(4)
+    body = mpm.MaterialPoints(law, np.zeros((n, dim)), np.full((n, dim), 0.5), np.ones(n))
+    f = np.eye(dim) + np.geomspace(1e-4, 3e-2, n)[:, None, None] * rng.normal(size=(n, dim, dim))
+    _, A = responses(body, f)
+    assert A.shape == (n, dim**4)
+    way = rng.normal(size=f.shape)
+    up, down = (responses(body, f + s * 1e-8 * way)[0] for s in (1, -1))
+    exact, found = (up - down) / 2e-8, product(A, way).reshape(f.shape)
+    wrong = np.abs(found - exact).max(axis=(1, 2)) / soil.lame[0]
+    assert np.median(wrong) < 1e-6 and wrong.max() < 1e-4
+    whole = A.reshape(n, dim**2, dim**2)
+    assert np.abs(whole - whole.transpose(0, 2, 1)).max() > 1e-2 * np.abs(whole).max()
 
 
 # -- what is refused -------------------------------------------------------------------------------

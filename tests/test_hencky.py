@@ -135,13 +135,15 @@ def test_points_follow_the_law_in_matrix_series(dim, law):
 
 
 def responses(body, f):
-    """P (n, dim, dim) and its derivative's upper triangle from the compiled loops."""
+    """P (n, dim, dim) and its derivative from the compiled loops, the upper triangle where the law
+    is symmetric."""
     dim, n, law = body.dim, len(body), body.material
     J, rows = volume_ratio(body), np.arange(len(body), dtype=np.int32)
     state = FINITE_STRAIN.state(law, J[:, None] * body.stress)
     strain, *eigen = FINITE_STRAIN.trial(state, f - np.eye(dim), rows, rows)
     τ, _, D = law.tangent(strain, np.zeros_like(strain), body.remembered)
-    P, A = np.empty((n, dim**2)), np.empty((n, dim**2 * (dim**2 + 1) // 2))
+    entries, _ = tensors.entries(dim**2, law.symmetric)
+    P, A = np.empty((n, dim**2)), np.empty((n, len(entries)))
     hencky_strain.nominal(
         (tuple(range(dim)), SHEAR[dim], tensors.in_plane(dim)),
         f,

@@ -1,8 +1,9 @@
 """A law of one's own: Drucker and Prager's, with a flow rule that is not associated.
 
 A law inherits from ``Law``, states its density and elastic constants, names what it remembers and
-answers ``tangent`` for many points at once.  Its tangent is not symmetric; it says so, is carried
-whole, and the run takes a solver that suits.
+answers ``tangent`` for many points at once.  This one is ``OnElastic``, a ``Law`` that has the
+constants from an elastic soil, and is of finite strain where that is a ``Hencky``.  Its tangent is
+not symmetric; it says so, is carried whole, and the run takes a solver that suits.
 
     python demos/extensions/drucker_prager.py
 """
@@ -13,12 +14,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpm_fenicsx import Law, LinearElastic
+from mpm_fenicsx import LinearElastic, OnElastic
 from mpm_fenicsx.materials.material import hooke, stiffness
 
 
 @dataclass(frozen=True)
-class DruckerPrager(Law):
+class DruckerPrager(OnElastic):
     """Yields at q + μ p = k, and flows by Δεᵖ = Δγ ∂(q + ψ p)/∂σ; p is the mean stress, tension
     positive, and q = √(3 J₂).
 
@@ -37,16 +38,6 @@ class DruckerPrager(Law):
 
     history = ("plastic_work",)
     symmetric = False
-
-    @property
-    def density(self) -> float:
-        """ρ (kg/m³)."""
-        return self.elastic.density
-
-    @property
-    def lame(self) -> tuple[float, float]:
-        """λ and μ (Pa)."""
-        return self.elastic.lame
 
     def tangent(self, strain, stress, history, given=None):
         """Stress, plastic work and ∂σ/∂ε after the increments."""

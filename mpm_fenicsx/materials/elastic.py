@@ -83,3 +83,33 @@ class LinearElastic(Law):
     def plastic_work(self, history, given: Given = NOTHING) -> np.ndarray:
         """None (n,)."""
         return np.zeros(len(history))
+
+
+class OnElastic(Law):
+    """A law whose reference is the soil ``elastic``, at whose kinematics it is: of finite strain
+    where that is a ``Hencky``."""
+
+    elastic: LinearElastic
+
+    @property
+    def density(self) -> float:
+        """ρ (kg/m³)."""
+        return self.elastic.density
+
+    @property
+    def lame(self) -> tuple[float, float]:
+        """Lamé's λ and μ (Pa)."""
+        return self.elastic.lame
+
+    @property
+    def kinematics(self):
+        """That of ``elastic``."""
+        return self.elastic.kinematics
+
+    def strain(self, stress: np.ndarray) -> np.ndarray:
+        """Elastic strain (n, components) of stress rows (n, components), Pa."""
+        return self.elastic.strain(stress)
+
+    def energy(self, stress: np.ndarray, history: np.ndarray | None = None) -> np.ndarray:
+        """Elastic energy per volume (n,), J/m³."""
+        return self.elastic.energy(stress)

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..common.checks import finite, positive
 from ..common.compiled import jit
-from .elastic import LinearElastic
-from .material import NOTHING, Given, Law
+from .elastic import LinearElastic, OnElastic
+from .material import NOTHING, Given
 
 SQRT3 = math.sqrt(3.0)
 SLACK = 1.0 + 1e-13  # of q²: a point at rest on the yield surface is elastic, whatever the rounding
@@ -143,7 +143,7 @@ def _yields(strain, stress, history, at, of, lame, strength, rows):
 
 
 @dataclass(frozen=True)
-class VonMises(Law):
+class VonMises(OnElastic):
     """Elastic soil that yields at q = √3 c(κ), with c = max(residual, peak - h κ).
 
     Parameters: ``elastic``; ``peak`` and ``residual`` cohesion (Pa); ``softening`` h (Pa per unit
@@ -201,16 +201,6 @@ class VonMises(Law):
             )
 
     @property
-    def density(self) -> float:
-        """ρ (kg/m³)."""
-        return self.elastic.density
-
-    @property
-    def lame(self) -> tuple[float, float]:
-        """Lamé's λ and μ (Pa)."""
-        return self.elastic.lame
-
-    @property
     def young(self) -> float:
         """E (Pa)."""
         return self.elastic.young
@@ -219,15 +209,6 @@ class VonMises(Law):
     def poisson(self) -> float:
         """ν (-)."""
         return self.elastic.poisson
-
-    @property
-    def kinematics(self):
-        """That of ``elastic``."""
-        return self.elastic.kinematics
-
-    def strain(self, stress: np.ndarray) -> np.ndarray:
-        """Elastic strain (n, components) of stress rows (n, components), Pa."""
-        return self.elastic.strain(stress)
 
     def modulus(self, given: Given = NOTHING) -> np.ndarray:
         """Softening modulus (n,) or (1,), Pa, of points of ``size`` (m).
@@ -282,10 +263,6 @@ class VonMises(Law):
         """Yield value of q (n,), Pa."""
         peak, residual, h = self._strengths(len(history), given)
         return SQRT3 * np.maximum(residual, peak - h * history[:, 0])
-
-    def energy(self, stress: np.ndarray, history: np.ndarray | None = None) -> np.ndarray:
-        """Elastic energy per volume (n,), J/m³."""
-        return self.elastic.energy(stress)
 
     def dissipation(self, before, after, given: Given = NOTHING) -> np.ndarray:
         """Plastic work per volume (n,), J/m³, between two histories: backward Euler, σ_after : Δεᵖ

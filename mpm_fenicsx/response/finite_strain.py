@@ -24,12 +24,12 @@ from ..materials import hencky_strain
 from ..materials.kinematics import FINITE_STRAIN, SHEAR, deformation, volume_ratio
 from ..materials.material import given_at
 from ..points.material_points import MaterialPoints
-from .response import Yielding
+from .response import Response
 
 CHUNK = 4096  # pairs of a point and a Gauss point at a time: their tangents stay in the cache
 
 
-class FiniteStrain(Yielding):
+class FiniteStrain(Response):
     """The whole response of bodies of finite strain.
 
     Between the solves of a step it is exact; for the first it is linear in u.

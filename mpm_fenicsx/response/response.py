@@ -11,7 +11,7 @@ from ..dynamics.motion import Motion
 from ..materials.material import given_at, hooke, stiffness
 
 
-class Yielding:
+class Response:
     """What laws add to the elastic response: ``work`` and ``stiffness`` as forms, or a force summed
     at points.
 
@@ -48,7 +48,7 @@ class Yielding:
         """Arrays that a restart needs, not copied; material points carry their own."""
         return {}
 
-    def take(self, other: Yielding) -> None:
+    def take(self, other: Response) -> None:
         """Go on from another run's state."""
         mine = self.memory()
         for name, value in other.memory().items():

@@ -25,10 +25,10 @@ from ..mapping.shape_functions import Stencil
 from ..materials.material import Given, hooke
 from ..points.material_points import MaterialPoints
 from .cell_materials import CellMaterials, MaterialRows, put_together
-from .response import Yielding
+from .response import Response
 
 
-class YieldingAtGaussPoints(Yielding):
+class YieldingAtGaussPoints(Response):
     """The same as fields at the Gauss points."""
 
     def __init__(self, motion: Motion, gauss: GaussPoints, materials: Sequence):

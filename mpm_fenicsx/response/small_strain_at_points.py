@@ -13,10 +13,10 @@ from ..grid import weak_forms
 from ..mapping.projection import AT_POINTS, Projection
 from ..mapping.shape_functions import Stencil
 from ..points.material_points import MaterialPoints
-from .response import Yielding
+from .response import Response
 
 
-class YieldingAtPoints(Yielding):
+class YieldingAtPoints(Response):
     """The laws of material points, asked once at each point with the strain it will recover.
 
     Stress is summed at the points; the tangent is projected like the moduli, so that with linear

@@ -23,7 +23,7 @@ from ..materials.law_checks import check_law
 from ..points.inside import in_mesh
 from ..response.cell_materials import CellMaterials
 from ..response.finite_strain_elements import FiniteStrainElements
-from ..response.response import Yielding
+from ..response.response import Response
 from ..response.small_strain import YieldingElements
 from ..solver.equilibrium import Equilibrium
 from ..solver.solver import Solver
@@ -139,7 +139,7 @@ class FiniteElements(Run):
         ]
         return tuple(self.materials.field(values) for values in zip(*numbers, strict=True))
 
-    def _can_yield(self) -> Yielding | None:
+    def _can_yield(self) -> Response | None:
         """What yielding or finite strain adds to the step, where a material is of that kind."""
         if self.materials.finite:
             if self.b_bar:

@@ -27,7 +27,7 @@ from ..points.interfaces import warn_of_interfaces
 from ..points.location import enter
 from ..points.material_points import MaterialPoints
 from ..response.finite_strain import finite_strain_of
-from ..response.response import Yielding
+from ..response.response import Response
 from ..response.small_strain import YieldingPoints
 from ..response.small_strain_at_points import YieldingAtPoints
 from ..solver.acceleration_correction import correction_of
@@ -441,7 +441,7 @@ class Simulation(Run):
         """Whether points bear stress as they are, on any rank."""
         return bool(self.grid.comm.allreduce(int(any(body.stress.any() for body in self.bodies))))
 
-    def _can_yield(self) -> Yielding | None:
+    def _can_yield(self) -> Response | None:
         """What yielding or finite strain adds to the step, where there is a body of that kind."""
         finite = finite_strain_of(
             self.motion, self.bodies, self.stencils, self.mapping.integrate, self._recover

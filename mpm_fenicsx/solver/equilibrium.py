@@ -16,7 +16,7 @@ from ..common.errors import SolverError
 from ..dynamics.motion import Motion
 from ..grid import dolfinx_versions
 from ..mapping.ties import Ties
-from ..response.response import Yielding as Response
+from ..response.response import Response
 from ..terms.contribution import Contribution
 from .active_nodes import Part
 from .linear_solver import RESCUE, SolverKind, linear_solver
