@@ -438,6 +438,8 @@ def test_words_of_a_scene_are_the_same_in_another_process():
         assert " at 0x" not in described(one)
     for one, two in (
         (Law(1.0), Law(2.0)),
+        (Law(x), Law(2 * x)),
+        (Law((1.0, 2.0)), Law((1.0, 3.0))),
         (x, x[::-1]),
         (x, -x),
         (x, 2 * x),

@@ -32,7 +32,8 @@ class Material(Protocol):
     ``linear``: the reference is all there is; then a step is one solve.
     ``symmetric``: so is the tangent; it is carried whole where it is not, and solved accordingly.
     ``history``: names of the state variables; ``parameters``: names of those parameters that may
-    be given point by point, ``MaterialPoints.fill(..., parameters={name: values})``.
+    be given point by point, ``MaterialPoints.fill(..., parameters={name: function of x})``; where
+    they are not, ``given`` lacks them, and the law has a number of its own.
     ``length`` (m): the law depends on the size of a point's cell, which it then gets as
     ``given["size"]`` (m); None where size plays no part.
     ``keeps_volume``: plastic flow does.
@@ -94,7 +95,8 @@ class Law:
 
     A law of your own states ``density`` and ``lame``, names its ``history``, and defines
     ``tangent``.  It keeps its plastic work as the state variable "plastic_work", or defines
-    ``plastic_work``; it defines ``respond`` and ``yields`` where it can answer them for less.
+    ``plastic_work``; it defines ``respond`` and ``yields`` where it can answer them for less, and
+    ``energy`` where its moduli follow the state.
     """
 
     kinematics = SMALL_STRAIN

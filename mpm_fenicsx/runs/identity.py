@@ -53,7 +53,7 @@ def described(thing) -> str:
     mine = {
         key: value
         for key, value in getattr(thing, "__dict__", {}).items()
-        if isinstance(value, int | float | str)
+        if isinstance(value, str) or (not callable(value) and numbers(value) is not None)
     }
     return f"{type(thing).__name__}({_together(mine)})" if mine else type(thing).__name__
 
