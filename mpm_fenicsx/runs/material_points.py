@@ -135,7 +135,6 @@ class Simulation(Run):
         self._held = np.zeros(grid.cells, np.int8)  # cells that hold material
         self.initial_acceleration, self._unmoved, self._left = initial_acceleration, [], []
         self.courant_number = courant_number(grid, self.bodies, stepping)
-        self._chooses_correction = mapping.correction is None
         self.correction_kind = mapping.correction or chosen_correction(
             mapping, stepping, self.courant_number
         )
@@ -165,7 +164,7 @@ class Simulation(Run):
         chosen anew."""
         super().change_step(stepping)
         self.courant_number = courant_number(self.grid, self.bodies, stepping)
-        if stepping.dynamic and self._chooses_correction:
+        if stepping.dynamic and self.mapping.correction is None:
             self.correction_kind = chosen_correction(self.mapping, stepping, self.courant_number)
             self.correction = correction_of(
                 self.correction_kind, self.equilibrium, self.stress, self.deposit
@@ -190,7 +189,7 @@ class Simulation(Run):
             lines += [
                 f"Courant number of P waves: {self.courant_number:.3g}",
                 f"acceleration corrected: {self.correction_kind.value}"
-                + (" (chosen by the Courant number)" if self._chooses_correction else "")
+                + (" (chosen by the Courant number)" if self.mapping.correction is None else "")
                 + f"; sweeps: {self.deposit.sweeps}",
                 f"initial acceleration: {self.initial_acceleration.value}",
             ]
