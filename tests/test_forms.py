@@ -10,6 +10,7 @@ from mpm_fenicsx import MAPPINGS, LinearElastic, MaterialPoints, QuasiStatic, Si
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.grid import dolfinx_versions, weak_forms
 from mpm_fenicsx.grid.form_degree import degree
+from mpm_fenicsx.mapping.projection import simpson
 
 
 @pytest.fixture(params=[2, 3])
@@ -130,3 +131,10 @@ def test_of_which_degree_a_form_is_in_a_coefficient():
         (ufl.inner(c / (1.0 + u[0]), w) * dx, np.inf),
     ):
         assert degree(form, u) == expected
+
+
+def test_rules_of_surface_points_compile_without_a_word(grid, caplog):
+    """Arrays in a measure made UFL of 2022 doubt, for every surface of every run."""
+    dx = ufl.dx(grid.mesh, metadata=simpson(grid.dim))
+    dolfinx_versions.compile_form(ufl.TestFunction(grid.space)[0] * dx)
+    assert not caplog.records
