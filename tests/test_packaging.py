@@ -26,6 +26,8 @@ LEFT = (
     "build/lib/mpm_fenicsx/gone.py",
     "demos/column.checkpoint",
     "docs/_build/html/index.html",
+    "docs/gallery/column.rst",
+    "docs/sg_execution_times.rst",
     "mpm_fenicsx/grid/__pycache__/cells.walk-1.py313.nbi",
     "results/column_000001.vtu",
     "tests/__pycache__/hats.cpython-313.pyc",
