@@ -15,11 +15,17 @@ import json
 import time
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-from rich.table import Table
+
+try:
+    import matplotlib
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.table import Table
+except ImportError as error:
+    raise ImportError(
+        f"{error}: demos take matplotlib and rich, pip install 'mpm_fenicsx[demo]'"
+    ) from error
 
 from mpm_fenicsx import DM_GC, GIMP, MAPPINGS, MPM, PAPER, Energy, RunError
 from mpm_fenicsx.scenes.column import (

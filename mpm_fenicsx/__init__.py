@@ -1,5 +1,7 @@
 """Implicit material point method on DOLFINx grids, with boundaries that absorb waves."""
 
+__version__ = "0.1.0"
+
 from .common import requirements as _needs  # noqa: F401  first: it says what is missing
 
 # isort: split

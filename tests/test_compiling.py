@@ -71,6 +71,12 @@ def test_an_error_of_the_compiler_is_told(cache, monkeypatch):
         area(3.0)()
 
 
+def test_without_a_compiler_it_says_what_to_install(cache, monkeypatch):
+    monkeypatch.setenv("CC", "no-such-compiler")
+    with pytest.raises(RuntimeError, match=r"no-such-compiler.*CC.*apt install gcc"):
+        area(3.0)()
+
+
 def test_any_other_error_is_not_tried_again():
     calls = []
 

@@ -42,6 +42,53 @@ def test_what_is_missing_is_said_with_how_to_install_it(missing):
         assert words in last
 
 
+def test_a_run_takes_neither_matplotlib_nor_rich():
+    done = python("""
+import sys
+sys.modules |= dict.fromkeys(("matplotlib", "rich"))  # an import of either fails
+from mpm_fenicsx.scenes import column
+run = column.material_points("viscous", load=300e3)
+watch = column.Watch(run, "viscous", load=300e3)
+run.until(2 * column.dt)
+print(run.steps)
+""")
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout.split()[-1] == "2"
+
+
+@pytest.mark.parametrize("demo", ["column", "foundation"])
+@pytest.mark.parametrize("missing", ["matplotlib", "rich"])
+def test_a_demo_says_what_it_takes(demo, missing):
+    file = PACKAGE.parent / "demos" / f"{demo}.py"
+    done = python(
+        f"import sys, runpy; sys.modules[{missing!r}] = None; runpy.run_path({str(file)!r})"
+    )
+    assert done.returncode == 1
+    last = done.stderr[done.stderr.rindex("ImportError") :]
+    assert missing in last and "pip install 'mpm_fenicsx[demo]'" in last
+
+
+def test_a_user_without_a_home_can_start(tmp_path):
+    """One whom the system does not know, as in a container, and HOME is not set."""
+    cache = tmp_path / "cache"
+    done = python(
+        f"""
+import os, pwd
+def unknown(uid):
+    raise KeyError(uid)
+pwd.getpwuid = unknown
+del os.environ["HOME"]
+os.chdir({str(tmp_path)!r})
+import mpm_fenicsx
+print(os.environ["HOME"], os.environ["XDG_CACHE_HOME"])
+""",
+        XDG_CACHE_HOME=str(cache),
+    )
+    assert done.returncode == 0, done.stderr[-3000:]
+    assert done.stdout.split() == ["/", str(cache)]
+    assert [path.name for path in tmp_path.iterdir()] == ["cache"]
+
+
 PROGRAM = """
 import sys, warnings
 warnings.simplefilter("ignore")

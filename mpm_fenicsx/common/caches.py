@@ -15,7 +15,11 @@ def provide() -> None:
     in XDG_CACHE_HOME.
 
     Numba, which keeps kernels beside the package where it can, and DOLFINx go by that variable.
+    DOLFINx does not start without a home, which a user whom the system does not know has only by
+    HOME: where neither is there, HOME is ``/``.
     """
+    if not os.path.isabs(os.path.expanduser("~")):
+        os.environ["HOME"] = os.sep
     wanted = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))
     if _takes_files(wanted):
         return
