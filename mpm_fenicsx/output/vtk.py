@@ -31,8 +31,10 @@ class Snapshots:
       nodes and cells.
 
     Stress is (xx, yy, zz, xy, yz, xz) as ParaView labels it; yz and xz are zero in plane strain, as
-    are z and the third component of vectors.  Several ranks write one file, without ghosts.  Each
-    file replaces its forerunner only when complete, so a run that dies leaves a series that opens.
+    are z and the third component of vectors.  Numbers are written as the run has them, to the last
+    bit and not compressed: 165 bytes a point of an elastic body in dynamics.  Several ranks write
+    one file, without ghosts.  Each file replaces its forerunner only when complete, so a run that
+    dies leaves a series that opens.
 
     Raises ``ValueError`` for a ``path`` without name, ``every`` < 1 or a second run; ``OSError``
     naming the path on every rank, when attached or later, where nothing can be written (to which
