@@ -26,6 +26,7 @@ from .mapping.velocities import flip, trapezoidal
 from .materials import Hencky, LinearElastic, OnElastic, VonMises
 from .materials.material import Law, Material
 from .output.checkpoint import Checkpoint
+from .output.plot import plot
 from .output.recorder import Recorder
 from .output.recorders import Energy, Probe
 from .output.vtk import Snapshots
@@ -91,6 +92,7 @@ __all__ = [
     "ViscousBoundary",
     "VonMises",
     "flip",
+    "plot",
     "trapezoidal",
 ]
 

@@ -27,6 +27,7 @@ from mpm_fenicsx import (
     Traction,
 )
 from mpm_fenicsx.common import tensors
+from mpm_fenicsx.output import vtk
 from mpm_fenicsx.output.vtk import Snapshots
 
 SOIL = LinearElastic(20e6, 0.25, 1500.0)
@@ -298,7 +299,7 @@ def test_a_write_error_names_path_and_step_and_spoils_nothing(tmp_path, monkeypa
         assert failure.value.errno == 28 and failure.value.filename == str(tmp_path / "block")
 
     with monkeypatch.context() as patch:
-        patch.setattr(meshio, "write", half)
+        patch.setattr(vtk, "write", half)
         unchanged_by(step, tmp_path)
     run.step()
     assert series(tmp_path / "block", "points")[0] == [0.0, 1e-3, 3e-3]
@@ -358,7 +359,7 @@ def record_both(folder):
             run.record(Snapshots(Path(folder) / f"{name}{dim}"))
             run.until(2e-3)
     if MPI.COMM_WORLD.rank == 0:
-        meshio.write = no_space
+        vtk.write = no_space
     try:
         run.step()
     except OSError as error:

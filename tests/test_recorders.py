@@ -433,3 +433,67 @@ def test_what_was_recorded_before_an_error_is_kept():
     q = tensors.von_mises(stress.values)
     assert (np.diff(q) > 0.0).all()
     assert q[-1] < 1.01 * np.sqrt(3) * LAW.peak
+
+
+# -- recorders of one's own at a checkpoint --------------------------------------------------------
+
+
+class Counter:
+    """Counts steps, and keeps what it is told to keep."""
+
+    def __init__(self, state):
+        self.count, self.state = 0, lambda: state
+
+    def attach(self, run):
+        """Nothing to prepare."""
+
+    def __call__(self, run):
+        """One more step."""
+        self.count += 1
+
+    def restore(self, state):
+        """Go on from there."""
+        self.count = 100
+
+
+def at_rest():
+    """The smallest run."""
+    return mpm.FiniteElements(mpm.Grid.box((0, 0), (1, 1), (1, 1)), dense.SOIL, mpm.Newmark(1), [])
+
+
+@pytest.mark.parametrize(
+    "state, words",
+    [
+        (None, r"state\(\) must return arrays by name, {} where there are none, got None"),
+        (np.ones(2), r"state\(\) must return arrays by name, .* got array"),
+        ({"count": 3, "run": None}, r"'run' of state\(\) must be an array of numbers or .*None"),
+        ({"rows": [[1.0], [2.0, 3.0]]}, r"'rows' of state\(\) must be an array of numbers"),
+    ],
+)
+def test_what_a_recorder_cannot_keep_is_said_at_the_checkpoint(state, words, tmp_path):
+    run = at_rest()
+    counter = run.record(Counter(state))
+    run.record(mpm.Checkpoint(tmp_path / "state.npz"))
+    with pytest.raises(ValueError, match=f"recorder Counter: {words}"):
+        run.step()
+    assert counter.count == run.steps == 1 and not list(tmp_path.iterdir())
+
+
+def test_a_recorder_that_cannot_restore_is_refused_at_the_checkpoint(tmp_path):
+    run = at_rest()
+    run.record(Counter({})).restore = None
+    run.record(mpm.Checkpoint(tmp_path / "state.npz"))
+    with pytest.raises(ValueError, match=r"recorder Counter has state\(\) and no restore"):
+        run.step()
+
+
+@pytest.mark.parametrize("state", [{}, {"note": "dry", "count": 3, "series": [1.0, 2.0]}])
+def test_a_recorder_may_keep_nothing_or_numbers_and_text(state, tmp_path):
+    run = at_rest()
+    run.record(Counter(state))
+    run.record(mpm.Checkpoint(tmp_path / "state.npz"))
+    run.step()
+    again = at_rest()
+    counter = again.record(Counter(state))
+    again.restart(tmp_path / "state.npz")
+    assert again.steps == 1 and counter.count == 100

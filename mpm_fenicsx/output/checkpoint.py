@@ -9,13 +9,14 @@ import os
 import tempfile
 import zipfile
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
-from ..common.checks import whole
+from ..common.checks import in_short, whole
 from ..common.files import complete, failing_together, named
-from ..common.ranks import anywhere
+from ..common.ranks import anywhere, together
 
 
 class Checkpoint:
@@ -28,8 +29,9 @@ class Checkpoint:
     call ``restart``.  It looks after all other recorders, whose series it keeps.  Several ranks
     write one file, which as many ranks can read.
 
-    Raises ``ValueError`` for a ``path`` without name or ``every`` < 1; ``OSError`` naming the path,
-    on every rank, when attached or later, where nothing can be written.
+    Raises ``ValueError`` for a ``path`` without name or ``every`` < 1, and when it writes, for a
+    recorder whose ``state()`` cannot be kept; ``OSError`` naming the path, on every rank, when
+    attached or later, where nothing can be written.
     """
 
     last = True
@@ -57,12 +59,16 @@ def write(run, path: Path) -> None:
     """Write the run's state and its recorders' to one file, on the first rank."""
     comm = run.grid.comm
     mine = {"identity": np.array(json.dumps(run.identity()))}
+    with together(comm):
+        recorded = {
+            label: _arrays(label, recorder) for label, recorder in _remembering(run).items()
+        }
     mine.update({f"run/{name}": value for name, value in run.state().items()})
     mine.update(
         {
             f"recorders/{label}/{name}": value
-            for label, recorder in _remembering(run).items()
-            for name, value in recorder.state().items()
+            for label, arrays in recorded.items()
+            for name, value in arrays.items()
         }
     )
     ranks = comm.gather(mine)
@@ -138,6 +144,32 @@ def _remembering(run) -> dict[str, object]:
     return found
 
 
+def _arrays(label: str, recorder) -> dict[str, np.ndarray]:
+    """What a recorder wants kept; ``ValueError`` where that cannot be, or not be given back."""
+    state = recorder.state()
+    if not isinstance(state, Mapping):
+        raise ValueError(
+            f"recorder {label}: state() must return arrays by name, {{}} where there are none, got "
+            f"{in_short(state)}"
+        )
+    if not callable(getattr(recorder, "restore", None)):
+        raise ValueError(
+            f"recorder {label} has state() and no restore(state), which a restart calls: write "
+            "it, or leave both out"
+        )
+    for name, value in state.items():
+        try:
+            kind = np.asanyarray(value).dtype
+        except ValueError:
+            kind = np.dtype(object)
+        if kind.hasobject:
+            raise ValueError(
+                f"recorder {label}: {name!r} of state() must be an array of numbers or text, got "
+                f"{in_short(value)}"
+            )
+    return dict(state)
+
+
 def _difference(found: dict[str, str], here: dict[str, str]) -> str | None:
     """The first thing in which a checkpoint's run is another one."""
     for name in {**here, **found}:
@@ -158,8 +190,8 @@ def _misfit(
         if found != here:
             return f"{name} is {found} in the checkpoint, and here {here}"
     known = {name.split("/")[1] for name in kept if name.startswith("recorders/")}
-    for label in recorders:
-        if label not in known:
+    for label, recorder in recorders.items():
+        if label not in known and _arrays(label, recorder):
             return (
                 f"recorder {label} is not in the checkpoint, which has {sorted(known)}: record it "
                 "after the restart"

@@ -7,19 +7,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
-from mpi4py import MPI
-
 import numpy as np
 
 from ..common import tensors
 from ..common.checks import whole
 from ..common.files import complete, failing_together, named
-from ..grid import dolfinx_versions
+from .fields import whole_cloud, whole_fields, whole_grid
+from .vtu_file import HEXAHEDRON, QUAD, VERTEX, write
 
-_RING = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # tensor order to VTK's
-_MIRROR = {2: [0, 2, 1, 3], 3: [0, 2, 1, 3, 4, 6, 5, 7]}  # first two reference axes exchanged
-_CELL = {2: "quad", 3: "hexahedron"}
-_LEFT_OUT = {"x", "mass", "acceleration", "exposed"}
+_CELL = {2: QUAD, 3: HEXAHEDRON}
 
 
 class Snapshots:
@@ -35,8 +31,10 @@ class Snapshots:
       nodes and cells.
 
     Stress is (xx, yy, zz, xy, yz, xz) as ParaView labels it; yz and xz are zero in plane strain, as
-    are z and the third component of vectors.  Several ranks write one file, without ghosts.  Each
-    file replaces its forerunner only when complete, so a run that dies leaves a series that opens.
+    are z and the third component of vectors.  Numbers are written as the run has them, to the last
+    bit and not compressed: 165 bytes a point of an elastic body in dynamics.  Several ranks write
+    one file, without ghosts.  Each file replaces its forerunner only when complete, so a run that
+    dies leaves a series that opens.
 
     Raises ``ValueError`` for a ``path`` without name, ``every`` < 1 or a second run; ``OSError``
     naming the path on every rank, when attached or later, where nothing can be written (to which
@@ -56,7 +54,7 @@ class Snapshots:
         self._points, self._grid = (
             _Series(self.path.with_name(f"{self.path.name}_{kind}")) for kind in ("points", "grid")
         )
-        frame = _whole_grid(run.grid)
+        frame = whole_grid(run.grid)
         with failing_together(run.grid.comm, "snapshot not written", self.path):
             if run.grid.comm.rank == 0:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
@@ -70,18 +68,16 @@ class Snapshots:
 
     def _write(self, run, frame: tuple) -> None:
         comm = run.grid.comm
-        cloud = _whole_cloud(run.bodies, comm) if run.bodies else None
-        fields = _whole_fields(run)
+        cloud = whole_cloud(run.bodies, comm) if run.bodies else None
+        fields = whole_fields(run)
         with failing_together(comm, "snapshot not written", self.path):
             if comm.rank == 0:
                 dim = run.grid.dim
                 if cloud:
                     x, values = cloud
-                    self._points.add(
-                        run, x, ("vertex", np.arange(len(x))[:, None]), values, {}, dim
-                    )
-                x, cells = frame
-                self._grid.add(run, x, (_CELL[dim], cells), *fields, dim)
+                    vertices = np.arange(len(x), dtype=np.int32)[:, None]
+                    self._points.add(run, x, vertices, VERTEX, values, {})
+                self._grid.add(run, *frame, _CELL[dim], *fields)
 
     @property
     def label(self) -> str:
@@ -112,23 +108,20 @@ class _Series:
         self,
         run,
         x: np.ndarray,
-        cells: tuple[str, np.ndarray],
+        cells: np.ndarray,
+        cell_type: int,
         point_data: Mapping,
         cell_data: Mapping,
-        dim: int,
     ) -> None:
         """Write one file, then the collection with it."""
-        import meshio
-
-        mesh = meshio.Mesh(
-            np.pad(x, ((0, 0), (0, 3 - x.shape[1]))),
-            [cells],
-            point_data={name: _vtk(value, dim) for name, value in point_data.items()},
-            cell_data={name: [_vtk(value, dim)] for name, value in cell_data.items()},
+        dim = x.shape[1]
+        fields = (
+            {name: _vtk(value, dim) for name, value in data.items()}
+            for data in (point_data, cell_data)
         )
         file = self.path.with_name(f"{self.path.name}_{run.steps:06d}.vtu")
         with complete(file) as part:
-            meshio.write(part, mesh, file_format="vtu")
+            write(part, _widened(x, 3), cells, cell_type, *fields)
         entries = (
             f'{self.entries}<DataSet timestep="{float(run.time)!r}" file={quoteattr(file.name)}/>\n'
         )
@@ -143,102 +136,18 @@ class _Series:
 
 
 def _vtk(value: np.ndarray, dim: int) -> np.ndarray:
-    """Rows as VTK takes them: three components of a vector, six of a symmetric tensor, no bools."""
-    value = value.astype(np.int8) if value.dtype.kind == "b" else value
+    """Rows as VTK takes them: three components of a vector, six of a symmetric tensor."""
+    if value.ndim > 2:
+        return value.reshape(len(value), int(np.prod(value.shape[1:])))
     if value.ndim == 2:
-        width = value.shape[1]
-        wide = {dim: 3, tensors.components(dim): 6}.get(width, width)
-        value = np.pad(value, ((0, 0), (0, wide - width)))
-    return np.ascontiguousarray(
-        value.reshape(len(value), int(np.prod(value.shape[1:]))) if value.ndim > 2 else value
-    )
+        return _widened(value, {dim: 3, tensors.components(dim): 6}.get(value.shape[1]))
+    return value
 
 
-# -- from all ranks to the first; every rank calls these -------------------------------------------
-
-
-def _whole_grid(grid) -> tuple[np.ndarray | None, np.ndarray | None]:
-    """Nodes (n, dim) in global order and cells (cells, 2^dim) in VTK's order, on the first rank."""
-    dim, V = grid.dim, grid.space
-    x = V.tabulate_dof_coordinates()[:, :dim]
-    cells = dolfinx_versions.cell_dofs(V)[: grid.owned_cells]
-    axes = x[cells[:, [1, 2, 4][:dim]]] - x[cells[:, :1]]
-    cells = np.where((np.linalg.det(axes) < 0.0)[:, None], cells[:, _MIRROR[dim]], cells)[
-        :, _RING[dim]
-    ]
-    number = V.dofmap.index_map.local_to_global(np.arange(grid.nodes, dtype=np.int32))
-    return _joined(grid.comm.gather(x[: V.dofmap.index_map.size_local])), _joined(
-        grid.comm.gather(number[cells])
-    )
-
-
-def _whole_fields(run) -> list[dict[str, np.ndarray]]:
-    """Fields on all nodes and on all cells, on the first rank."""
-    owned = run.grid.space.dofmap.index_map.size_local, run.grid.owned_cells
-    gathered = (
-        run.grid.comm.gather({name: value[:n] for name, value in fields.items()})
-        for n, fields in zip(owned, run.grid_fields(), strict=True)
-    )
-    return [_together(ranks) for ranks in gathered]
-
-
-def _whole_cloud(bodies, comm: MPI.Comm) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:
-    """Positions (n, dim) and fields of all bodies' points, one body after the other, on the first
-    rank."""
-    ranks = comm.gather([{"x": body.x, **_carried(body, k)} for k, body in enumerate(bodies)])
-    if ranks is None:
-        return None
-    whole_bodies = [_together(parts) for parts in zip(*ranks, strict=True)]
-    names = dict.fromkeys(name for fields in whole_bodies for name in fields)
-    cloud = {}
-    for name in names:
-        like = next(fields[name] for fields in whole_bodies if name in fields)
-        cloud[name] = np.concatenate(
-            [
-                fields[name]
-                if name in fields
-                else np.full((len(fields["x"]), *like.shape[1:]), np.nan)
-                for fields in whole_bodies
-            ]
-        )
-    return cloud.pop("x"), cloud
-
-
-def _carried(body, number: int) -> dict[str, np.ndarray]:
-    """Local fields of a body: arrays it carries, its history by the material's names, and what
-    follows."""
-    n, found, names = len(body), dict(vars(body)), getattr(body.material, "history", ())
-    if names and "history" in found:
-        found.update(zip(names, found.pop("history").T, strict=True))
-    fields = {
-        name: value
-        for name, value in found.items()
-        if isinstance(value, np.ndarray)
-        and value.shape[:1] == (n,)
-        and 0 not in value.shape[1:]
-        and value.dtype.kind in "fiub"
-        and name not in _LEFT_OUT
-        and not name.startswith("_")
-    }
-    return {
-        **fields,
-        "mean_stress": tensors.mean(body.stress),
-        "von_mises": tensors.von_mises(body.stress),
-        "density": body.mass / body.volume,
-        "body": np.full(n, number, dtype=np.int32),
-    }
-
-
-def _together(ranks: list[dict[str, np.ndarray]] | None) -> dict[str, np.ndarray]:
-    """What all ranks have by the same name, joined; nothing elsewhere than on the first rank."""
-    if ranks is None:
-        return {}
-    return {
-        name: _joined([fields[name] for fields in ranks])
-        for name in ranks[0]
-        if all(name in fields for fields in ranks)
-    }
-
-
-def _joined(parts: list[np.ndarray] | None) -> np.ndarray | None:
-    return None if parts is None else np.concatenate(parts)
+def _widened(rows: np.ndarray, width: int | None) -> np.ndarray:
+    """Rows (n, width), with zeros for what rows (n, k) lack."""
+    if width in (None, rows.shape[1]):
+        return rows
+    wide = np.zeros((len(rows), width), rows.dtype)
+    wide[:, : rows.shape[1]] = rows
+    return wide
