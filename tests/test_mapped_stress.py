@@ -136,3 +136,36 @@ def test_the_field_of_finite_elements_is_their_own_stress(dim):
     )
     if dim == 2:
         np.testing.assert_allclose(field.at(x)[:, 2], λ * trace, atol=1e-12 * np.abs(exact).max())
+
+
+# -- in probes -------------------------------------------------------------------------------------
+
+
+def test_a_probe_sees_the_field_where_its_place_has_gone():
+    """A free block in flight, its stress linear across it: between points the probe reads the
+    mapped field at the place that has moved with the block."""
+    grid = mpm.Grid.box((0, 0), (6, 4), (6, 4))
+    soil = mpm.LinearElastic(1e3, 0.3, 1000.0)
+    body = mpm.MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x[0] < 3) & (x[1] < 3))
+    body.velocity = np.tile([2.0, 0.0], (len(body), 1))
+    run = mpm.Simulation(grid, body, mpm.Newmark(0.1), [])
+    probe = run.record(mpm.Probe("grid_stress", at=(1.4, 1.6)))
+    assert not probe.values.any()
+    run.until(0.5)
+    body.stress[:, 0] = 5.0 * body.x[:, 0]
+    probe(run)
+    exact = run.stress_field().at([[1.4 + 2.0 * 0.5, 1.6]])
+    np.testing.assert_allclose(probe.values[-1], exact[0], rtol=1e-9)
+    assert 5.0 < probe.values[-1, 0] < 15.0
+
+
+def test_a_probe_of_finite_elements_stays_where_it_is():
+    grid = mpm.Grid.box((0, 0), (2, 4), (2, 4))
+    soil = mpm.LinearElastic(1e6, 0.25, 1000.0)
+    terms = [mpm.Fixed(grid.facets("bottom"), "xy"), mpm.Fixed(grid.facets("left", "right"), "x")]
+    terms += [mpm.Gravity((0.0, -10.0))]
+    run = mpm.FiniteElements(grid, soil, mpm.QuasiStatic(1), terms)
+    probe = run.record(mpm.Probe("grid_stress", at=(0.5, 2.5)))
+    run.step()
+    # halfway up a cell, σ_yy = ρ g (y - 4) exactly
+    np.testing.assert_allclose(probe.values[:, 1], [0.0, -15e3], rtol=1e-9)
