@@ -44,6 +44,16 @@ def matrix(stress: np.ndarray, dim: int) -> np.ndarray:
     return full
 
 
+def symmetric_row(tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Symmetric part of tensors (n, dim, dim) as rows, in the plane (xx, yy, xy), in 3D all six;
+    and what is skew (n, dim, dim)."""
+    dim = tensor.shape[1]
+    turned = tensor.transpose(0, 2, 1)
+    pairs = [*((i, i) for i in range(dim)), *SHEAR[dim]]
+    symmetric, skew = 0.5 * (tensor + turned), 0.5 * (tensor - turned)
+    return np.stack([symmetric[:, i, j] for i, j in pairs], axis=1), skew
+
+
 def stretch(gradient: np.ndarray) -> np.ndarray:
     """det(I + gradient) (n,) of displacement gradients (n, dim, dim)."""
     if gradient.shape[1] == 2:

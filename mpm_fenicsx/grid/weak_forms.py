@@ -39,6 +39,12 @@ def row(ε):
     return as_vector([ε[i, i] for i in range(dim)] + [2 * ε[i, j] for i, j in SHEAR[dim]])
 
 
+def tensor(row, dim: int):
+    """Symmetric tensor of its row of numbers, in the plane (xx, yy, xy), in 3D all six."""
+    at = {pair: dim + k for k, pair in enumerate(SHEAR[dim])} | {(i, i): i for i in range(dim)}
+    return as_matrix([[row[at[(min(i, j), max(i, j))]] for j in range(dim)] for i in range(dim)])
+
+
 def square(numbers, size: int):
     """Matrix (size, size) of its entries row by row or, where there are fewer, symmetric of its
     upper triangle."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import numpy as np
 from dolfinx import fem
@@ -19,6 +20,20 @@ SPREAD = 0.05
 constant."""
 
 
+class InternalForce(Protocol):
+    """Where the internal force of points is taken from."""
+
+    def add(
+        self,
+        bodies: Sequence[MaterialPoints],
+        stencils: Sequence[Stencil],
+        internal: np.ndarray,
+        stresses: Sequence[np.ndarray] | None = None,
+    ) -> None:
+        """Add the force of all bodies to ``internal`` (nodes, dim), N: of their own stress, or of
+        ``stresses`` (n, dim, dim), Pa."""
+
+
 class ConstantStress:
     """Stress is constant over each support domain: Σ_p V_p σ_p ∇S_ip."""
 
@@ -26,17 +41,19 @@ class ConstantStress:
         self.grid = grid
 
     def add(
-        self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil], internal: np.ndarray
+        self,
+        bodies: Sequence[MaterialPoints],
+        stencils: Sequence[Stencil],
+        internal: np.ndarray,
+        stresses: Sequence[np.ndarray] | None = None,
     ) -> None:
-        """Add the force of all bodies to ``internal`` (nodes, dim), N."""
-        for body, stencil in zip(bodies, stencils, strict=True):
-            self.add_stress(body, stencil, tensors.matrix(body.stress, self.grid.dim), internal)
-
-    def add_stress(
-        self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray, internal: np.ndarray
-    ) -> None:
-        """Add that of a stress (n, dim, dim), Pa, in place of the body's own."""
-        stencil.deposit_divergence(body.volume[:, None, None] * stress, internal)
+        """Add the force of all bodies to ``internal`` (nodes, dim), N: of their own stress, or of
+        ``stresses`` (n, dim, dim), Pa."""
+        for number, (body, stencil) in enumerate(zip(bodies, stencils, strict=True)):
+            stress = (
+                tensors.matrix(body.stress, self.grid.dim) if stresses is None else stresses[number]
+            )
+            stencil.deposit_divergence(body.volume[:, None, None] * stress, internal)
 
 
 class LinearStress:
@@ -75,25 +92,22 @@ class LinearStress:
         )
 
     def add(
-        self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil], internal: np.ndarray
+        self,
+        bodies: Sequence[MaterialPoints],
+        stencils: Sequence[Stencil],
+        internal: np.ndarray,
+        stresses: Sequence[np.ndarray] | None = None,
     ) -> None:
-        """Add the force of all bodies to ``internal`` (nodes, dim), N."""
-        for body, stencil in zip(bodies, stencils, strict=True):
-            self._add(body, stencil, np.ascontiguousarray(body.stress[:, self._columns]), internal)
-
-    def add_stress(
-        self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray, internal: np.ndarray
-    ) -> None:
-        """Add that of a stress (n, dim, dim), Pa, in place of the body's own; what of it is skew is
-        constant."""
-        turned = stress.transpose(0, 2, 1)
-        columns = np.empty((len(stress), len(self._columns)))
-        for (i, j), column in np.ndenumerate(self._at):
-            columns[:, column] = 0.5 * (stress[:, i, j] + stress[:, j, i])
-        self._add(body, stencil, columns, internal)
-        skew = 0.5 * (stress - turned)
-        if skew.any():
-            stencil.deposit_divergence(body.volume[:, None, None] * skew, internal)
+        """Add the force of all bodies to ``internal`` (nodes, dim), N: of their own stress, or of
+        ``stresses`` (n, dim, dim), Pa, what of these is skew as a constant over each domain."""
+        for number, (body, stencil) in enumerate(zip(bodies, stencils, strict=True)):
+            if stresses is None:
+                rows = np.ascontiguousarray(body.stress[:, self._columns])
+            else:
+                rows, skew = tensors.symmetric_row(stresses[number])
+                if skew.any():
+                    stencil.deposit_divergence(body.volume[:, None, None] * skew, internal)
+            self._add(body, stencil, rows, internal)
 
     def _add(
         self, body: MaterialPoints, at: Stencil, stress: np.ndarray, internal: np.ndarray

@@ -34,6 +34,9 @@ class Mapping:
     where mass is summed, in the paper as stiffness is, which loses momentum where cells are partly
     full; ``linear``: in the internal force stress is linear over a support domain, else constant.
 
+    ``stress``: the internal force is summed at the points, or is that of their stress double-mapped
+    to the grid (see ``mapped_stress``; studies/stress_on_the_grid.py compares them).
+
     Options, to be changed by ``dataclasses.replace(DM_GC, sweeps=2)``:
 
     ``sweeps``: Jacobi sweeps from the lumped towards the consistent mass in the deposit of
@@ -46,8 +49,8 @@ class Mapping:
     ``hold_cut_cells``: light nodes of cut cells in which anything acts go with those beside them
     (see ``ties``), unless a term ``GhostPenalty`` holds them.
 
-    Raises ``ValueError`` for linear stress without support domains, B-bar without double mapping,
-    and what is no option.
+    Raises ``ValueError`` for linear stress without support domains or double-mapped, B-bar without
+    double mapping, and what is no option.
     """
 
     name: str
@@ -56,6 +59,7 @@ class Mapping:
     composite: bool
     mass: Integration = AT_POINTS
     linear: bool = False
+    stress: Integration = AT_POINTS
     sweeps: int = 1
     transfer: Callable = trapezoidal
     correction: AccelerationCorrection | None = None
@@ -63,7 +67,7 @@ class Mapping:
     hold_cut_cells: bool = True
 
     def __post_init__(self) -> None:
-        for name in ("integrate", "mass"):
+        for name in ("integrate", "mass", "stress"):
             an_object(
                 name,
                 getattr(self, name),
@@ -73,6 +77,12 @@ class Mapping:
         if self.linear and not self.support:
             raise ValueError(
                 f"linear stress needs support domains, and mapping {self.name} has none"
+            )
+        if self.linear and self.stress is DOUBLE_MAPPED:
+            raise ValueError(
+                f"stress=DOUBLE_MAPPED takes the internal force from the grid, and mapping "
+                f"{self.name} has it linear over support domains: take DM_GC, or leave stress at "
+                "AT_POINTS"
             )
         object.__setattr__(self, "sweeps", whole("sweeps", self.sweeps, least=0))
         if not callable(self.transfer) or isinstance(self.transfer, type):

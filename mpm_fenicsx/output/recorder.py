@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
 
 from ..grid.grid import Grid
+from ..grid.stress_field import StressField
 
 
 class Run(Protocol):
     """A run as recorders see it.
 
-    ``name`` of the method, ``grid``, ``steps`` done and ``time`` (s) reached.
+    ``name`` of the method, ``grid``, ``bodies`` of material points (none of finite elements),
+    ``steps`` done and ``time`` (s) reached.
     """
 
     name: str
+    bodies: Sequence
     grid: Grid
     steps: int
     time: float
@@ -33,6 +36,9 @@ class Run(Protocol):
 
     def energy(self) -> dict[str, float]:
         """Energies (J) of this rank's part of the body, by name."""
+
+    def stress_field(self) -> StressField:
+        """The stress on the grid as it is now."""
 
     def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """Fields to show on nodes (nodes, …) and in cells (cells, …), by name."""

@@ -13,7 +13,8 @@ from ..grid import dolfinx_versions
 from ..grid.grid import Grid
 from .recorder import Run
 
-FIELDS = ("displacement", "velocity", "acceleration", "stress")
+ON_THE_GRID = "grid_stress"
+FIELDS = ("displacement", "velocity", "acceleration", "stress", ON_THE_GRID)
 
 
 class Series:
@@ -71,7 +72,8 @@ class Probe(Series):
         """Choose samples and weights."""
         if self.at.shape != (run.grid.dim,) or not np.isfinite(self.at).all():
             raise ValueError(f"at must be {run.grid.dim} finite coordinates, got {self.at}")
-        places, self._read = run.sampler(self.field)
+        on_the_grid = self.field == ON_THE_GRID
+        places, self._read = run.sampler("displacement" if on_the_grid else self.field)
         if not any(run.grid.comm.allgather(run.holds(self.at))):
             raise ValueError(
                 f"at must lie inside the body, got {self.at}; "
@@ -84,8 +86,15 @@ class Probe(Series):
 
     def __call__(self, run: Run) -> None:
         """Write down the value now."""
-        value = self._weights @ (self._read(self._rows) - self._start)
-        self.note(run, run.grid.comm.allreduce(value))
+        value = run.grid.comm.allreduce(self._weights @ (self._read(self._rows) - self._start))
+        self.note(run, self._on_the_grid(run, value) if self.field == ON_THE_GRID else value)
+
+    def _on_the_grid(self, run: Run, moved: np.ndarray) -> np.ndarray:
+        """Stress (components,), Pa, on the grid where the place is now; NaN where it has left the
+        material."""
+        place = moved if run.bodies else self.at
+        found = run.grid.comm.allgather(run.stress_field().at(place[None])[0])
+        return next((row for row in found if np.isfinite(row).all()), found[0])
 
     def state(self) -> dict[str, np.ndarray]:
         """The series, and the samples that were chosen when it began."""

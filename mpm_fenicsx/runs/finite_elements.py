@@ -19,6 +19,7 @@ from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid import dolfinx_versions
 from ..grid.gauss_points import GaussPoints
 from ..grid.grid import Grid
+from ..grid.stress_field import StressField
 from ..materials.law_checks import check_law
 from ..points.inside import in_mesh
 from ..response.cell_materials import CellMaterials
@@ -295,6 +296,27 @@ class FiniteElements(Run):
         )
         strain = tensors.strain(gradient)
         return self.materials.elastic_stress(cells, strain)
+
+    def stress_field(self) -> StressField:
+        """Stress as it is now, bilinear (trilinear) through the Gauss points of each cell: a
+        dolfinx function.
+
+        Each call brings the same field up to date.  Raises ``ValueError`` for a mesh that is not
+        rectilinear.
+        """
+        field, gauss = self._stress_field
+        if self.yielding is not None:
+            rows = self.yielding.state
+        else:
+            strain = gauss.strain(self.motion.nodal(self.displacement))
+            cells = np.repeat(np.arange(self.grid.cells), gauss.digit.shape[1])
+            rows = self.materials.elastic_stress(cells, strain)
+        field.put(gauss.at_corners(rows))
+        return field
+
+    @cached_property
+    def _stress_field(self) -> tuple[StressField, GaussPoints]:
+        return StressField(self.grid), GaussPoints(self.grid, self.b_bar)
 
     def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """What to show on nodes, displacement and velocity, and in cells, stress at their centres

@@ -14,7 +14,8 @@ from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid.gauss_points import GaussPoints
 from ..grid.grid import Grid
 from ..mapping.composite_patches import Composite
-from ..mapping.internal_force import ConstantStress, LinearStress
+from ..mapping.internal_force import ConstantStress, InternalForce, LinearStress
+from ..mapping.mapped_stress import MappedStress, PointStressField
 from ..mapping.methods import DM_GC, AccelerationCorrection
 from ..mapping.methods import Mapping as PointMapping
 from ..mapping.projection import DOUBLE_MAPPED
@@ -95,7 +96,8 @@ class Simulation(Run):
         self.cells = [enter(body, grid) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
         self.composites = self._composite_patches() if mapping.composite else []
-        self.stress = LinearStress(grid) if mapping.linear else ConstantStress(grid)
+        self.stress = self._internal_force_of(mapping)
+        self._stress_field: PointStressField | None = None
         reuse = solver.reuse if motion.region.follows else 0.0
         given = self.properties = Properties(motion, mapping, self.bodies, self.stencils, reuse)
         density, λ, μ = given.fields
@@ -169,6 +171,11 @@ class Simulation(Run):
             self.correction = correction_of(
                 self.correction_kind, self.equilibrium, self.stress, self.deposit
             )
+
+    def _internal_force_of(self, mapping: PointMapping) -> InternalForce:
+        if mapping.stress is DOUBLE_MAPPED:
+            return MappedStress(self.motion)
+        return LinearStress(self.grid) if mapping.linear else ConstantStress(self.grid)
 
     def _composite_patches(self) -> list[Composite]:
         """One for each body; bodies of one material share theirs."""
@@ -435,6 +442,17 @@ class Simulation(Run):
         if self.stepping.dynamic:
             nodal["velocity"] = self.motion.end()[0]
         return nodal, {}
+
+    def stress_field(self) -> PointStressField:
+        """The points' stress on the grid, double-mapped (eq. 7), as it is now: a dolfinx function.
+
+        Each call brings the same field up to date; what is built from it follows.
+        """
+        if self._stress_field is None:
+            self._stress_field = PointStressField(self.grid)
+        self.locate()
+        self._stress_field.refresh(self.bodies, self.stencils)
+        return self._stress_field
 
     def _stressed(self) -> bool:
         """Whether points bear stress as they are, on any rank."""

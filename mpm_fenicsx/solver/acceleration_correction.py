@@ -9,7 +9,7 @@ import numpy as np
 from dolfinx import fem
 
 from ..grid import dolfinx_versions
-from ..mapping.internal_force import ConstantStress, LinearStress
+from ..mapping.internal_force import InternalForce
 from ..mapping.methods import AccelerationCorrection
 from ..mapping.shape_functions import Stencil
 from ..mapping.velocities import Deposit
@@ -27,7 +27,7 @@ class Correction:
     proportion to Δt, the more so where K locks.
     """
 
-    def __init__(self, equilibrium: Equilibrium, stress: ConstantStress | LinearStress):
+    def __init__(self, equilibrium: Equilibrium, stress: InternalForce):
         self._equilibrium, self._stress = equilibrium, stress
         equilibrium.foresee()
         self._force = fem.Function(equilibrium.motion.grid.space)
@@ -49,8 +49,7 @@ class Correction:
         force[:] = 0.0
         equilibrium.add_foreseen(self._force)
         np.negative(force, out=force)
-        for body, stencil, change in zip(bodies, stencils, changes, strict=True):
-            self._stress.add_stress(body, stencil, change, force)
+        self._stress.add(bodies, stencils, force, changes)
         dolfinx_versions.gather(self._force)
         self._force.x.array[equilibrium.fixed] = 0.0
         change = self._acceleration(self._force.x.array).reshape(force.shape)
@@ -69,9 +68,7 @@ class LumpedCorrection(Correction):
     determinant 1, and neither gains nor loses while (κ - k) Δt² / 4m <= 1.
     """
 
-    def __init__(
-        self, equilibrium: Equilibrium, stress: ConstantStress | LinearStress, deposit: Deposit
-    ):
+    def __init__(self, equilibrium: Equilibrium, stress: InternalForce, deposit: Deposit):
         super().__init__(equilibrium, stress)
         self._deposit = deposit
 
@@ -99,7 +96,7 @@ class ImplicitCorrection(Correction):
 def correction_of(
     kind: AccelerationCorrection,
     equilibrium: Equilibrium,
-    stress: ConstantStress | LinearStress,
+    stress: InternalForce,
     deposit: Deposit,
 ) -> Correction | None:
     """The correction of a kind; None for no correction."""

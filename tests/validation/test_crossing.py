@@ -5,83 +5,17 @@ and faces cut at the grid's lines (``faces``) give the integral.  So nothing yie
 near to yield the stress is.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from methods import FED, LOST, MAPPED, TILING, over
 
 import mpm_fenicsx as mpm
+from mpm_fenicsx.scenes.crossing import SOIL, STRESS, TENSION, bar, block
 
 pytestmark = pytest.mark.validation
 
-SOIL = mpm.LinearElastic(young=20e6, poisson=0.25, density=1500.0)
-STRESS, H = 100e3, 0.25
-TENSION = np.array([1.0, 1.0, 0.5])
 COURANT = pytest.mark.parametrize("courant", [0.5, 5.0])
 GROWS = "a disturbance grows, at Courant 2 to 5 and 0.3 cells a step; DM-GC damps it"
-
-
-def errors(run, stress, steps):
-    """Largest error of stress (steps,), relative; the last is infinite where the run breaks
-    down."""
-    found, (body,) = [], run.bodies
-    try:
-        for _ in range(steps):
-            run.step()
-            found.append(np.abs(body.stress[:, : len(stress)] - stress).max() / STRESS)
-    except mpm.RunError:
-        found.append(np.inf)
-    return np.array(found)
-
-
-def bar(mapping, courant, steps, sweeps=1, disturbance=0.0, law=mpm.Newmark):
-    """A bar of 20 cells between rollers under pressure; its velocity disturbed by a cosine of a
-    stress of that part."""
-    stepping = law(courant * H / SOIL.p_speed)
-    cells, length = int(0.3 * steps) + 26, 20 * H
-    grid = mpm.Grid.box((-2 * H, 0), ((cells - 2) * H, H), (cells, 1))
-    body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: (x[0] > 0) & (x[0] < length))
-    body.stress[:, :3] = -STRESS * np.array([1.0, 1 / 3, 1 / 3])  # ν = 1/4: no strain across
-    body.velocity = np.tile([0.3 * H / stepping.dt, 0.0], (len(body), 1))
-    wave = np.cos(3 * np.pi * body.x[:, 0] / length)
-    body.velocity[:, 0] += disturbance * STRESS / (SOIL.density * SOIL.p_speed) * wave
-    terms = [mpm.Fixed(grid.facets("bottom", "top"), "y")]
-    terms += [
-        mpm.Traction(body.surface(side), (push, 0.0))
-        for side, push in (("left", STRESS), ("right", -STRESS))
-    ]
-    return errors(
-        mpm.Simulation(grid, body, stepping, terms, replace(mapping, sweeps=sweeps)),
-        [-STRESS],
-        steps,
-    )
-
-
-def block(mapping, courant, steps, law=SOIL, disturbance=0.0):
-    """A free block of 6 by 6 cells under tension on all sides (a dead pressure would let it topple)
-    goes aslant.
-
-    Returns errors and body; ``disturbance`` of the velocity, by waves of a stress of that part.
-    """
-    stepping, way, n = mpm.Newmark(courant * H / SOIL.p_speed), np.array([0.3, 0.17]), 6
-    cells = (way * steps).astype(int) + n + 6
-    grid = mpm.Grid.box((-2 * H, -2 * H), (cells - 2) * H, cells)
-    body = mpm.MaterialPoints.fill(
-        grid, law, 4, inside=lambda x: ((x > 0) & (x < n * H)).all(axis=0)
-    )
-    body.stress[:, :3] = STRESS * TENSION
-    waves = np.cos(3 * np.pi * body.x / (n * H)) * np.sin(
-        0.7 + 2 * np.pi * body.x[:, ::-1] / (n * H)
-    )
-    body.velocity = (
-        way * H / stepping.dt + disturbance * STRESS / (SOIL.density * SOIL.p_speed) * waves
-    )
-    sides = [body.surface(side) for side in ("left", "right", "bottom", "top")]
-    terms = [mpm.Traction(surface, tuple(STRESS * surface.normal[0])) for surface in sides]
-    return errors(
-        mpm.Simulation(grid, body, stepping, terms, mapping), STRESS * TENSION, steps
-    ), body
 
 
 @COURANT

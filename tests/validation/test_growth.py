@@ -8,9 +8,9 @@ those is what dissipation is for.
 
 import numpy as np
 import pytest
-from test_crossing import SOIL, H, bar
 
 import mpm_fenicsx as mpm
+from mpm_fenicsx.scenes.crossing import SOIL, H, bar
 
 pytestmark = pytest.mark.validation
 

@@ -1,0 +1,171 @@
+"""Stress of material points, double-mapped onto the grid, as a field and in runs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem
+
+import mpm_fenicsx as mpm
+from mpm_fenicsx.common import tensors
+from mpm_fenicsx.mapping.internal_force import ConstantStress
+from mpm_fenicsx.mapping.mapped_stress import MappedStress
+from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
+from mpm_fenicsx.scenes import column
+
+GRID = replace(mpm.DM_GC, stress=DOUBLE_MAPPED)
+
+
+# -- as a field ------------------------------------------------------------------------------------
+
+
+def block(dim, mapping=mpm.DM_GC):
+    """Soil at rest that fills the lower cells of a grid of 4 × 3 (× 2) cells."""
+    cells = (4, 3, 2)[:dim]
+    grid = mpm.Grid.box((0,) * dim, cells, cells)
+    soil = mpm.LinearElastic(1e6, 0.3, 1000.0)
+    body = mpm.MaterialPoints.fill(grid, soil, 4 if dim == 2 else 8, inside=lambda x: x[1] < 2)
+    terms = [mpm.Fixed(grid.facets("bottom"), "xyz"[:dim])]
+    return mpm.Simulation(grid, body, mpm.QuasiStatic(1), terms, mapping=mapping)
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_uniform_stress_is_met_exactly_and_linear_stress_in_its_mean(dim):
+    run = block(dim)
+    (body,) = run.bodies
+    uniform = np.arange(1.0, tensors.components(dim) + 1)
+    body.stress[:] = uniform
+    field = run.stress_field()
+    full = field.grid.lattice.upper[:, 1] <= 2
+    assert np.array_equal(field.filled[: len(full)], full)
+    np.testing.assert_allclose(
+        field.values[full], np.broadcast_to(uniform, field.values[full].shape), rtol=1e-14
+    )
+    assert not field.values[~full].any()
+    body.stress[:] = 0.0
+    body.stress[:, 1] = body.x[:, 0]
+    assert run.stress_field() is field
+    centre = 0.5 * (field.grid.lattice.lower + field.grid.lattice.upper)[full]
+    np.testing.assert_allclose(field.values[full, :, 1].mean(axis=1), centre[:, 0], rtol=1e-14)
+    # points at 1/4 and 3/4: the slope that eq. (7) leaves is (¾ - ¼) · 2 · (¾ - ¼) · ½ = ¼ of it
+    corner = field.values[full, :, 1] - centre[:, :1]
+    np.testing.assert_allclose(corner[:, 1] - corner[:, 0], 0.25, rtol=1e-13)
+
+
+def test_between_points_the_field_answers_and_outside_the_material_nothing():
+    run = block(2)
+    run.bodies[0].stress[:, 0] = 7.0
+    field = run.stress_field()
+    found = field.at([[0.5, 0.5], [1.3, 1.9], [0.5, 2.5], [9.0, 0.0]])
+    np.testing.assert_allclose(found[:2, 0], 7.0, rtol=1e-14)
+    assert np.isnan(found[2:]).all()
+    with pytest.raises(ValueError, match=r"places must be \(n, 2\)"):
+        field.at([1.0, 2.0, 3.0])
+
+
+def test_the_field_is_a_coefficient_of_forms():
+    """∫ σ : ∇w of a uniform stress pulls at the nodes as the points do."""
+    run = block(2)
+    run.bodies[0].stress[:] = [3.0, -1.0, 0.5, 2.0]
+    field = run.stress_field()
+    assert isinstance(field.function, fem.Function)
+    w = ufl.TestFunction(run.grid.space)
+    force = fem.petsc.assemble_vector(fem.form(ufl.inner(field.tensor, ufl.grad(w)) * ufl.dx))
+    np.testing.assert_allclose(force.array, run._internal_force(), atol=1e-13)  # of the same points
+    mean = fem.assemble_scalar(fem.form(field.function[2] * ufl.dx))
+    assert mean == pytest.approx(0.5 * 8.0, rel=1e-14)
+
+
+# -- in a run --------------------------------------------------------------------------------------
+
+
+def test_in_a_column_both_forces_are_one():
+    """∇N is constant along a row of cells: the same sum to round-off, in statics and dynamics."""
+    top = {}
+    for mapping in (mpm.DM_GC, GRID):
+        run = column.material_points("viscous", load=300e3, mapping=mapping)
+        run.until(0.2)
+        top[mapping] = run.bodies[0].stress[:, 1].copy()
+    assert np.abs(top[mpm.DM_GC]).max() > 100e3
+    np.testing.assert_allclose(top[GRID], top[mpm.DM_GC], atol=1e-9 * np.abs(top[GRID]).max())
+
+
+def test_only_who_names_it_pays_and_nonsense_is_refused():
+    assert isinstance(block(2).stress, ConstantStress)
+    assert isinstance(block(2, GRID).stress, MappedStress)
+    with pytest.raises(ValueError, match=r"mapping DM-GCL has it linear over support domains"):
+        replace(mpm.DM_GCL, stress=DOUBLE_MAPPED)
+    with pytest.raises(ValueError, match="stress must be"):
+        replace(mpm.DM_GC, stress="grid")
+
+
+# -- of finite elements ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_the_field_of_finite_elements_is_their_own_stress(dim):
+    """A bent block: ε(u) is bilinear on these cells, and so is the field, everywhere."""
+    cells = (3, 2, 2)[:dim]
+    grid = mpm.Grid.box((0,) * dim, cells, cells)
+    soil = mpm.LinearElastic(1e6, 0.3, 1000.0)
+    run = mpm.FiniteElements(
+        grid, soil, mpm.QuasiStatic(1), [mpm.Fixed(grid.facets("bottom"), "xyz"[:dim])]
+    )
+    u = run.motion.nodal(run.displacement)
+    u[:] = np.random.default_rng(1).normal(size=u.shape)
+    field = run.stress_field()
+    # at places anywhere, from hand-made gradients of the nodal values
+    x = np.random.default_rng(2).uniform(0, cells, (20, dim))
+    node = grid.space.tabulate_dof_coordinates()[:, :dim]
+    away = x[:, None, :] - node
+    hat, slope = np.maximum(0, 1 - np.abs(away)), np.where(np.abs(away) < 1, -np.sign(away), 0.0)
+    gradient = np.stack(
+        [
+            np.prod([slope[..., e] if e == d else hat[..., e] for e in range(dim)], axis=0) @ u
+            for d in range(dim)
+        ],
+        axis=-1,
+    )
+    λ, μ = soil.lame
+    strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
+    trace = np.trace(strain, axis1=1, axis2=2)
+    exact = λ * trace[:, None, None] * np.eye(dim) + 2 * μ * strain
+    np.testing.assert_allclose(
+        tensors.matrix(field.at(x), dim), exact, rtol=0, atol=1e-12 * np.abs(exact).max()
+    )
+    if dim == 2:
+        np.testing.assert_allclose(field.at(x)[:, 2], λ * trace, atol=1e-12 * np.abs(exact).max())
+
+
+# -- in probes -------------------------------------------------------------------------------------
+
+
+def test_a_probe_sees_the_field_where_its_place_has_gone():
+    """A free block in flight, its stress linear across it: between points the probe reads the
+    mapped field at the place that has moved with the block."""
+    grid = mpm.Grid.box((0, 0), (6, 4), (6, 4))
+    soil = mpm.LinearElastic(1e3, 0.3, 1000.0)
+    body = mpm.MaterialPoints.fill(grid, soil, 4, inside=lambda x: (x[0] < 3) & (x[1] < 3))
+    body.velocity = np.tile([2.0, 0.0], (len(body), 1))
+    run = mpm.Simulation(grid, body, mpm.Newmark(0.1), [])
+    probe = run.record(mpm.Probe("grid_stress", at=(1.4, 1.6)))
+    assert not probe.values.any()
+    run.until(0.5)
+    body.stress[:, 0] = 5.0 * body.x[:, 0]
+    probe(run)
+    exact = run.stress_field().at([[1.4 + 2.0 * 0.5, 1.6]])
+    np.testing.assert_allclose(probe.values[-1], exact[0], rtol=1e-9)
+    assert 5.0 < probe.values[-1, 0] < 15.0
+
+
+def test_a_probe_of_finite_elements_stays_where_it_is():
+    grid = mpm.Grid.box((0, 0), (2, 4), (2, 4))
+    soil = mpm.LinearElastic(1e6, 0.25, 1000.0)
+    terms = [mpm.Fixed(grid.facets("bottom"), "xy"), mpm.Fixed(grid.facets("left", "right"), "x")]
+    terms += [mpm.Gravity((0.0, -10.0))]
+    run = mpm.FiniteElements(grid, soil, mpm.QuasiStatic(1), terms)
+    probe = run.record(mpm.Probe("grid_stress", at=(0.5, 2.5)))
+    run.step()
+    # halfway up a cell, σ_yy = ρ g (y - 4) exactly
+    np.testing.assert_allclose(probe.values[:, 1], [0.0, -15e3], rtol=1e-9)
