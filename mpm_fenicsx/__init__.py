@@ -5,10 +5,13 @@ __version__ = "0.1.0"
 from .common import requirements as _needs  # noqa: F401  first: it says what is missing
 
 # isort: split
+from .analytical.waves import relative_error
+from .common import tensors
 from .common.errors import RunError
 from .contact.contact import Contact
 from .dynamics.time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .grid.grid import Grid
+from .grid.stress_field import StressField
 from .mapping.methods import (
     CMPM,
     DM,
@@ -22,13 +25,14 @@ from .mapping.methods import (
     AccelerationCorrection,
     Mapping,
 )
+from .mapping.projection import AT_POINTS, DOUBLE_MAPPED
 from .mapping.velocities import flip, trapezoidal
 from .materials import Hencky, LinearElastic, OnElastic, VonMises
-from .materials.material import Law, Material
+from .materials.material import Law, Material, hooke, stiffness
 from .output.checkpoint import Checkpoint
 from .output.plot import plot
 from .output.recorder import Recorder
-from .output.recorders import Energy, Probe
+from .output.recorders import Energy, Probe, Series
 from .output.vtk import Snapshots
 from .points.material_points import MaterialPoints
 from .points.surface_points import SurfacePoints
@@ -46,12 +50,14 @@ from .terms.supports import Fixed
 from .terms.term import Term
 
 __all__ = [
+    "AT_POINTS",
     "CMPM",
     "DM",
     "DM_C",
     "DM_G",
     "DM_GC",
     "DM_GCL",
+    "DOUBLE_MAPPED",
     "GIMP",
     "MAPPINGS",
     "MPM",
@@ -82,9 +88,11 @@ __all__ = [
     "QuasiStatic",
     "Recorder",
     "RunError",
+    "Series",
     "Simulation",
     "Snapshots",
     "Solver",
+    "StressField",
     "SurfacePoints",
     "Term",
     "Traction",
@@ -92,7 +100,11 @@ __all__ = [
     "ViscousBoundary",
     "VonMises",
     "flip",
+    "hooke",
     "plot",
+    "relative_error",
+    "stiffness",
+    "tensors",
     "trapezoidal",
 ]
 

@@ -30,13 +30,11 @@ from rich.console import Console
 from rich.table import Table
 
 import mpm_fenicsx as mpm
-from mpm_fenicsx.common import tensors
-from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 from mpm_fenicsx.scenes import column, crossing, foundation
 
 WAYS = {
     "DM-GC, at the points": mpm.DM_GC,
-    "DM-GC, from the grid": replace(mpm.DM_GC, stress=DOUBLE_MAPPED),
+    "DM-GC, from the grid": replace(mpm.DM_GC, stress=mpm.DOUBLE_MAPPED),
     "GIMP": mpm.GIMP,
 }
 FINE = 0.03125  # m, of the finite elements that the foundation is compared with
@@ -74,7 +72,7 @@ class Deviator:
     def __init__(self, run):
         self.probe = run.record(mpm.Probe("stress", foundation.point_2))
         run.until(foundation.end)
-        self.q = tensors.von_mises(self.probe.values)
+        self.q = mpm.tensors.von_mises(self.probe.values)
 
 
 def pressed(

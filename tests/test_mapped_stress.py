@@ -2,19 +2,18 @@
 
 from dataclasses import replace
 
+import meshio
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
 
 import mpm_fenicsx as mpm
-from mpm_fenicsx.common import tensors
 from mpm_fenicsx.mapping.internal_force import ConstantStress
 from mpm_fenicsx.mapping.mapped_stress import MappedStress
-from mpm_fenicsx.mapping.projection import DOUBLE_MAPPED
 from mpm_fenicsx.scenes import column
 
-GRID = replace(mpm.DM_GC, stress=DOUBLE_MAPPED)
+GRID = replace(mpm.DM_GC, stress=mpm.DOUBLE_MAPPED)
 
 
 # -- as a field ------------------------------------------------------------------------------------
@@ -34,7 +33,7 @@ def block(dim, mapping=mpm.DM_GC):
 def test_uniform_stress_is_met_exactly_and_linear_stress_in_its_mean(dim):
     run = block(dim)
     (body,) = run.bodies
-    uniform = np.arange(1.0, tensors.components(dim) + 1)
+    uniform = np.arange(1.0, mpm.tensors.components(dim) + 1)
     body.stress[:] = uniform
     field = run.stress_field()
     full = field.grid.lattice.upper[:, 1] <= 2
@@ -95,7 +94,7 @@ def test_only_who_names_it_pays_and_nonsense_is_refused():
     assert isinstance(block(2).stress, ConstantStress)
     assert isinstance(block(2, GRID).stress, MappedStress)
     with pytest.raises(ValueError, match=r"mapping DM-GCL has it linear over support domains"):
-        replace(mpm.DM_GCL, stress=DOUBLE_MAPPED)
+        replace(mpm.DM_GCL, stress=mpm.DOUBLE_MAPPED)
     with pytest.raises(ValueError, match="stress must be"):
         replace(mpm.DM_GC, stress="grid")
 
@@ -132,7 +131,7 @@ def test_the_field_of_finite_elements_is_their_own_stress(dim):
     trace = np.trace(strain, axis1=1, axis2=2)
     exact = λ * trace[:, None, None] * np.eye(dim) + 2 * μ * strain
     np.testing.assert_allclose(
-        tensors.matrix(field.at(x), dim), exact, rtol=0, atol=1e-12 * np.abs(exact).max()
+        mpm.tensors.matrix(field.at(x), dim), exact, rtol=0, atol=1e-12 * np.abs(exact).max()
     )
     if dim == 2:
         np.testing.assert_allclose(field.at(x)[:, 2], λ * trace, atol=1e-12 * np.abs(exact).max())
@@ -169,3 +168,45 @@ def test_a_probe_of_finite_elements_stays_where_it_is():
     run.step()
     # halfway up a cell, σ_yy = ρ g (y - 4) exactly
     np.testing.assert_allclose(probe.values[:, 1], [0.0, -15e3], rtol=1e-9)
+
+
+# -- in snapshots ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+def test_a_snapshot_shows_each_filled_cell_with_corners_of_its_own(dim, tmp_path):
+    run = block(dim)
+    (body,) = run.bodies
+    body.stress[:, 1] = body.x[:, 0] + 10 * body.x[:, 1]
+    run.record(mpm.Snapshots(tmp_path / "block", grid_stress=True))
+    mesh = meshio.read(tmp_path / "block_stress_000000.vtu")
+    field, (cells,) = run.stress_field(), (block.data for block in mesh.cells)
+    filled = np.flatnonzero(field.filled)
+    assert len(cells) == len(filled) == 4 * 2 * (1 if dim == 2 else 2)
+    assert len(np.unique(cells)) == cells.size  # no corner is shared
+    # the corner of a VTK cell lies where the field has the value that is written there
+    inside = 1e-9 * (mesh.points[cells].mean(axis=1, keepdims=True) - mesh.points[cells])
+    found = field.at((mesh.points[cells] + inside)[..., :dim].reshape(-1, dim))
+    np.testing.assert_allclose(
+        mesh.point_data["stress"][cells].reshape(-1, 6)[:, 1], found[:, 1], rtol=1e-8
+    )
+    # in VTK's order the corners of a face go round it
+    along = np.diff(mesh.points[cells][:, :4], axis=1)
+    assert (np.linalg.norm(along, axis=2) == 1.0).all()
+
+
+def test_bodies_in_contact_have_fields_of_their_own():
+    soil = mpm.LinearElastic(1e6, 0.3, 1000.0)
+    grid = mpm.Grid.box((0, 0), (2, 4), (2, 4))
+    runs = []
+    for low in (0, 2):
+        inside = lambda x, low=low: (x[1] > low) & (x[1] < low + 2)  # noqa: E731
+        body = mpm.MaterialPoints.fill(grid, soil, 4, inside=inside)
+        side = mpm.Fixed(grid.facets("bottom" if low == 0 else "top"), "xy")
+        run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [side])
+        runs.append((run, body.surface("top" if low == 0 else "bottom")))
+    meet = mpm.Contact(*runs)
+    with pytest.raises(ValueError, match="stress on the grid is of one body"):
+        meet.record(mpm.Probe("grid_stress", at=(0.5, 0.5)))
+    probe = runs[0][0].record(mpm.Probe("grid_stress", at=(0.5, 0.5)))
+    assert probe.values.shape == (1, 4)

@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from itertools import combinations
+from typing import NoReturn
 
 import numpy as np
 
@@ -262,6 +263,12 @@ class Contact(Run):
     def term_energies(self) -> dict[str, object]:
         """Raises ``ValueError``: forms are integrals over one body each."""
         raise ValueError("Energy is of one body: record it on each of the runs")
+
+    def stress_field(self) -> NoReturn:
+        """Raises ``ValueError``: bodies that meet in a cell have stresses of their own."""
+        raise ValueError(
+            "stress on the grid is of one body: ask each of the runs that Contact was given"
+        )
 
     def energy(self) -> dict[str, float]:
         """Energy of the bodies (J), by kind."""

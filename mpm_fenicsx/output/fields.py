@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 
 from ..common import tensors
+from ..common.compiled import digits
 from ..grid import dolfinx_versions
 
 _RING = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # tensor order to VTK's
@@ -41,6 +42,25 @@ def whole_fields(run) -> list[dict[str, np.ndarray]]:
         for n, fields in zip(owned, run.grid_fields(), strict=True)
     )
     return [_together(ranks) for ranks in gathered]
+
+
+def whole_stress(run) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]] | None:
+    """Corners (n, dim), cells (cells, 2^dim) in VTK's order, and the stress on the grid there, of
+    cells that hold material, each with corners of its own, for the field jumps; on the first
+    rank."""
+    field, lattice, dim = run.stress_field(), run.grid.lattice, run.grid.dim
+    filled = np.flatnonzero(field.filled[: run.grid.owned_cells])
+    lower, upper = (bound[filled, None] for bound in (lattice.lower, lattice.upper))
+    corners = np.where(digits(2, dim), upper, lower).reshape(-1, dim)
+    rows = field.values[filled].reshape(len(corners), -1)
+    ranks = _gather(run.grid.comm, {"x": corners, "stress": rows})
+    if ranks is None:
+        return None
+    found = _together(ranks)
+    x, stress = found["x"], found["stress"]
+    cells = np.arange(len(x), dtype=np.int32).reshape(-1, 2**dim)[:, _RING[dim]]
+    measures = {"mean_stress": tensors.mean(stress), "von_mises": tensors.von_mises(stress)}
+    return x, np.ascontiguousarray(cells), {"stress": stress, **measures}
 
 
 def whole_cloud(bodies, comm: MPI.Comm) -> tuple[np.ndarray, dict[str, np.ndarray]] | None:

@@ -12,7 +12,7 @@ import numpy as np
 from ..common import tensors
 from ..common.checks import whole
 from ..common.files import complete, failing_together, named
-from .fields import whole_cloud, whole_fields, whole_grid
+from .fields import whole_cloud, whole_fields, whole_grid, whole_stress
 from .vtu_file import HEXAHEDRON, QUAD, VERTEX, write
 
 _CELL = {2: QUAD, 3: HEXAHEDRON}
@@ -28,7 +28,10 @@ class Snapshots:
       support domain), body (number from 0), and whatever else the points carry as one row a point
       (NaN in a body that does not carry it);
     - ``<path>_grid.pvd``, of ``<path>_grid_000020.vtu``, …: the fields of ``run.grid_fields()`` on
-      nodes and cells.
+      nodes and cells;
+    - with ``grid_stress``, ``<path>_stress.pvd``, of ``<path>_stress_000020.vtu``, …: the stress on
+      the grid (``run.stress_field``), its mean and von Mises q, in the cells that hold material,
+      each with corners of its own, for that field jumps from cell to cell.
 
     Stress is (xx, yy, zz, xy, yz, xz) as ParaView labels it; yz and xz are zero in plane strain, as
     are z and the third component of vectors.  Numbers are written as the run has them, to the last
@@ -36,13 +39,17 @@ class Snapshots:
     one file, without ghosts.  Each file replaces its forerunner only when complete, so a run that
     dies leaves a series that opens.
 
-    Raises ``ValueError`` for a ``path`` without name, ``every`` < 1 or a second run; ``OSError``
+    Raises ``ValueError`` for a ``path`` without name, ``every`` < 1, a ``grid_stress`` that is no
+    bool or a second run; ``OSError``
     naming the path on every rank, when attached or later, where nothing can be written (to which
     the run adds its step and time).
     """
 
-    def __init__(self, path: str | os.PathLike, every: int = 1):
+    def __init__(self, path: str | os.PathLike, every: int = 1, grid_stress: bool = False):
         self.path, self.every = named(path), whole("every", every)
+        if grid_stress not in (True, False):
+            raise ValueError(f"grid_stress must be True or False, got {grid_stress!r}")
+        self.kinds = ("points", "grid", *(["stress"] if grid_stress else []))
         self._frame: tuple | None = None
 
     def attach(self, run) -> None:
@@ -51,9 +58,9 @@ class Snapshots:
             raise ValueError(
                 f"path {str(self.path)!r} is recorded already: take new Snapshots for another run"
             )
-        self._points, self._grid = (
-            _Series(self.path.with_name(f"{self.path.name}_{kind}")) for kind in ("points", "grid")
-        )
+        self._series = {
+            kind: _Series(self.path.with_name(f"{self.path.name}_{kind}")) for kind in self.kinds
+        }
         frame = whole_grid(run.grid)
         with failing_together(run.grid.comm, "snapshot not written", self.path):
             if run.grid.comm.rank == 0:
@@ -70,14 +77,18 @@ class Snapshots:
         comm = run.grid.comm
         cloud = whole_cloud(run.bodies, comm) if run.bodies else None
         fields = whole_fields(run)
+        stress = whole_stress(run) if "stress" in self._series else None
         with failing_together(comm, "snapshot not written", self.path):
             if comm.rank == 0:
                 dim = run.grid.dim
                 if cloud:
                     x, values = cloud
                     vertices = np.arange(len(x), dtype=np.int32)[:, None]
-                    self._points.add(run, x, vertices, VERTEX, values, {})
-                self._grid.add(run, *frame, _CELL[dim], *fields)
+                    self._series["points"].add(run, x, vertices, VERTEX, values, {})
+                self._series["grid"].add(run, *frame, _CELL[dim], *fields)
+                if stress:
+                    x, cells, values = stress
+                    self._series["stress"].add(run, x, cells, _CELL[dim], values, {})
 
     @property
     def label(self) -> str:
@@ -88,12 +99,12 @@ class Snapshots:
         """The files written so far and their times, which a restart lists again."""
         return {
             series.path.name: np.frombuffer(series.entries.encode(), np.uint8)
-            for series in (self._points, self._grid)
+            for series in self._series.values()
         }
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Go on with the collections of a checkpoint."""
-        for series in (self._points, self._grid):
+        for series in self._series.values():
             series.entries = state[series.path.name].tobytes().decode()
 
 

@@ -15,6 +15,7 @@ from ..common.errors import OutputError, RunError, SolverError
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid
+from ..grid.stress_field import StressField
 from ..output.checkpoint import restart
 from .identity import described
 from .scene_checks import check_run, terms_of
@@ -159,6 +160,10 @@ class Run(Statics):
 
     def energy(self) -> dict[str, float]:
         """Kinetic and strain energy (J) of this rank's part of the body."""
+        raise NotImplementedError
+
+    def stress_field(self) -> StressField:
+        """The stress on the grid as it is now."""
         raise NotImplementedError
 
     def nodal(self, field: str) -> np.ndarray:
