@@ -93,24 +93,22 @@ def row(scene: str, way: str, job: Callable, *of) -> dict:
 
 
 def draw(rows: list[dict], path) -> None:
-    """Errors against milliseconds a step, a panel a kind of scene."""
-    kinds = list(dict.fromkeys(one["scene"].split(",")[0] for one in rows))
-    figure, axes = report.subplots(1, len(kinds), figsize=(3.1 * len(kinds), 3.2))
-    for ax, kind in zip(axes, kinds, strict=True):
-        for way, marker, colour in zip(WAYS, "os^", ("#0072B2", "#D55E00", "#009E73"), strict=True):
-            mine = [r for r in rows if r["way"] == way and r["scene"].split(",")[0] == kind]
-            ax.loglog(
-                [r["ms"] for r in mine],
-                [max(r["error"], 1e-9) if np.isfinite(r["error"]) else np.nan for r in mine],
-                marker,
-                color=colour,
-                label=way,
-                alpha=0.8,
-            )
-        ax.set(title=kind, xlabel="CPU time a step (ms)")
+    """A line a scene: errors, and CPU time a step as a part of the default's."""
+    scenes = list(dict.fromkeys(one["scene"] for one in rows))
+    figure, (left, right) = report.subplots(1, 2, figsize=(9, 4.2), sharey=True)
+    for way, marker, colour in zip(WAYS, "os^", ("#0072B2", "#D55E00", "#009E73"), strict=True):
+        mine = [one for one in rows if one["way"] == way]
+        usual = [one["ms"] for one in rows if one["way"] == next(iter(WAYS))]
+        style = dict(marker=marker, color=colour, linestyle="", alpha=0.8, label=way)
+        left.plot([one["error"] for one in mine], range(len(scenes)), **style)
+        part = [one["ms"] / ms for one, ms in zip(mine, usual, strict=True)]
+        right.plot(part, range(len(scenes)), **style)
+    left.set(xscale="log", xlabel="error (-)", yticks=range(len(scenes)), yticklabels=scenes)
+    left.invert_yaxis()
+    right.set(xlabel="CPU time a step, of the default's (-)")
+    for ax in (left, right):
         ax.grid(alpha=0.3)
-    axes[0].set_ylabel("error (-)")
-    axes[0].legend(fontsize=7)
+    left.legend(fontsize=8)
     report.save(figure, path)
 
 
