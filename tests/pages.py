@@ -19,6 +19,7 @@ import tomllib
 import types
 import warnings
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 from test_ranks import environment
@@ -106,7 +107,7 @@ def run(page: Path, folder: Path, monkeypatch) -> None:
     module = types.ModuleType("page_" + re.sub(r"\W", "_", page.stem))
     monkeypatch.setitem(sys.modules, module.__name__, module)
     shown = blocks(page.read_text())
-    for block, after in zip(shown, [*shown[1:], None], strict=True):
+    for block, after in zip_longest(shown, shown[1:]):
         place = f"{page.relative_to(HOME)}, line {block.line}"
         if block.language == "python":
             printed = _printed(block.source, page, block.line, vars(module))

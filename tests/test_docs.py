@@ -1,10 +1,13 @@
 """Every page of docs/ does what it says: its code runs, prints what is shown, and names what is
 there."""
 
+import re
 from pathlib import Path
 
 import pages
 import pytest
+
+import mpm_fenicsx
 
 DOCS = pages.HOME / "docs"
 MADE = "_build", "gallery"  # by sphinx
@@ -18,6 +21,22 @@ PAGES = sorted(
 @pytest.mark.parametrize("name", PAGES)
 def test_page(name, tmp_path, monkeypatch):
     pages.run(DOCS / name, tmp_path, monkeypatch)
+
+
+def test_every_public_name_is_in_the_interface_once():
+    shown = [
+        name
+        for page in (DOCS / "api").glob("*.rst")
+        for name in re.findall(r"(?:auto\w+|py:data):: (\w+)$", page.read_text(), re.MULTILINE)
+    ]
+    assert sorted(shown) == sorted(mpm_fenicsx.__all__)
+
+
+@pytest.mark.parametrize("folder", ["scenes", "analytical"])
+def test_every_scene_and_exact_answer_is_there(folder):
+    modules = {one.stem for one in (pages.HOME / "mpm_fenicsx" / folder).glob("[a-z]*.py")}
+    page = (DOCS / "api" / f"{folder}.rst").read_text()
+    assert set(re.findall(rf"automodule:: mpm_fenicsx.{folder}.(\w+)", page)) == modules
 
 
 # -- the check of pages itself ---------------------------------------------------------------------
