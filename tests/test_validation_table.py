@@ -3,7 +3,6 @@ xdist's workers."""
 
 import json
 import os
-import re
 import shutil
 import subprocess
 import sys
@@ -100,10 +99,25 @@ def test_no_cell_of_the_table_is_blank():
             ), f"nothing is left out by {start!r}, {name}"
 
 
-def test_the_readme_shows_the_rows_of_the_file():
-    text = (HOME / "README.md").read_text()
-    shown = re.search(r"<details>.*?\n\n(\| case.*?)\n\n</details>", text, re.DOTALL).group(1)
-    assert shown.rstrip() == table.markdown(table.read()).rstrip()
+def test_the_page_shows_the_rows_of_the_file():
+    assert table.shown() == table.markdown(table.read()).rstrip()
+
+
+def test_the_table_of_a_page_is_renewed_and_the_rest_stays(tmp_path):
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# Σ\n\n<details>\n<summary>Rows</summary>\n\nold\n\n</details>\n\nend\n", "utf-8"
+    )
+    rows = [row("1 first", "MPM", 30.0, "lost"), row("1 first", "FE", 2e-7)]
+    table.show(rows, page)
+    assert table.shown(page) == table.markdown(rows).rstrip()
+    assert page.read_text("utf-8").startswith(
+        "# Σ\n\n<details>\n<summary>Rows</summary>\n\n| case |"
+    )
+    assert page.read_text("utf-8").endswith("(a) lost\n\n</details>\n\nend\n")
+    page.write_text("no table\n")
+    with pytest.raises(ValueError, match="no <details>"):
+        table.show(rows, page)
 
 
 @pytest.mark.parametrize("processes", [[], ["-n", "2"]], ids=["one process", "xdist"])

@@ -1,14 +1,20 @@
-"""results/validation.json and its table: ``python tests/validation/table.py`` prints Markdown."""
+"""results/validation.json and its table: ``python tests/validation/table.py`` renews the one in
+docs/verification.md."""
 
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 from absent import ABSENT
 
-FILE = Path(__file__).parents[2] / "results" / "validation.json"
+HOME = Path(__file__).parents[2]
+FILE = HOME / "results" / "validation.json"
+PAGE = HOME / "docs" / "verification.md"
+PLACE = re.compile(r"(?<=</summary>\n\n).*?(?=\n\n</details>)", re.DOTALL)
+"""Of the table in a page: what the first ``<details>`` folds away."""
 ORDER = ("FE", "MPM", "GIMP", "CMPM", "DM", "DM-G", "DM-C", "DM-GC", "DM-GCL")
 
 
@@ -51,6 +57,21 @@ def markdown(rows: list[dict]) -> str:
     return "\n".join(
         lines + [""] + [f"({_letter(i)}) {reason}  " for i, reason in enumerate(reasons)]
     )
+
+
+def shown(page: Path = PAGE) -> str:
+    """The table that a page shows.  Raises ``ValueError`` where it has no place for one."""
+    found = PLACE.search(page.read_text(encoding="utf-8"))
+    if found is None:
+        raise ValueError(f"{page} has no <details> with a <summary> for the table to go into")
+    return found.group()
+
+
+def show(rows: list[dict], page: Path = PAGE) -> None:
+    """Put the table of rows in the place of the one that a page shows."""
+    shown(page)
+    text = PLACE.sub(lambda _: markdown(rows).rstrip(), page.read_text(encoding="utf-8"), count=1)
+    page.write_text(text, encoding="utf-8")
 
 
 def absent(case: str, mapping: str) -> str:
@@ -105,4 +126,4 @@ def _place(mapping: str) -> tuple[int, str]:
 
 
 if __name__ == "__main__":
-    print(markdown(read()))
+    show(read())
