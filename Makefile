@@ -8,6 +8,7 @@ MAKEFLAGS += --no-print-directory
 SYSTEM_PYTHON ?= /usr/bin/python3
 export SYSTEM_PYTHON
 STAMP := .venv/.stamp
+STAMP_DOCS := .venv/.stamp-docs
 ARGS ?=
 JOBS ?= 2
 
@@ -21,7 +22,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 endif
 
 # The search for a Python takes a moment, so it is made only for goals that use the answer.
-ifneq ($(filter setup demo foundation test validate speed bench lint,$(MAKECMDGOALS)),)
+ifneq ($(filter setup demo foundation test validate speed bench lint docs linkcheck,$(MAKECMDGOALS)),)
 ifndef DOLFINX
 DOLFINX := $(shell PYTHON="$(PYTHON)" sh scripts/setup.sh mode)
 endif
@@ -43,7 +44,8 @@ PY = env PATH="$(dir $(SYSTEM_PYTHON)):$$PATH" PYTHONNOUSERSITE=1 \
 RUFF = ruff
 endif
 
-.PHONY: help setup demo foundation test test-apt validate speed bench lint check-apt clean distclean
+.PHONY: help setup demo foundation test test-apt validate speed bench lint docs linkcheck \
+	check-apt clean distclean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
@@ -85,6 +87,26 @@ lint: $(filter $(STAMP),$(READY)) ## check the style with ruff
 	@$(RUFF) check $(ARGS) .
 	@$(RUFF) format --check --quiet . || { echo "ruff format would change files: run it" >&2; exit 1; }
 
+# -W: a link that leads nowhere inside the pages, or a docstring that cannot be read, is an error.
+docs: $(STAMP_DOCS) ## build the documentation into docs/_build/html, demos run (some minutes)
+	@$(PY) -m sphinx -W --keep-going -q docs docs/_build/html $(ARGS)
+	@echo "The documentation is in docs/_build/html/index.html"
+
+linkcheck: $(STAMP_DOCS) ## ask the network whether links out of the documentation lead somewhere
+	@$(PY) -m sphinx -q -b linkcheck -D plot_gallery=0 docs docs/_build/linkcheck $(ARGS)
+
+# Sphinx is in .venv only where pages have been built, so that the tests do not wait for it.
+ifeq ($(DOLFINX),apt)
+$(STAMP_DOCS):
+	@echo "The documentation is built in .venv only, on DOLFINx's wheel: see 'make setup'" >&2; exit 1
+else
+$(STAMP_DOCS): $(STAMP) pyproject.toml
+	@echo "Adding Sphinx to .venv, about half a minute ..." >&2
+	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --progress-bar off \
+		-e ".[docs]" </dev/null
+	@touch $@
+endif
+
 $(STAMP): pyproject.toml
 	@sh scripts/setup.sh wheel
 
@@ -92,7 +114,8 @@ check-apt:
 	@sh scripts/setup.sh check-apt
 
 clean: ## remove caches, build leftovers and snapshots in results/
-	rm -rf build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf build dist *.egg-info .pytest_cache .ruff_cache .hypothesis .benchmarks \
+		docs/_build docs/gallery docs/sg_execution_times.rst
 	find . -name .venv -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 	rm -rf results/*.vtu results/*.pvtu results/*.pvd results/*.xdmf results/*.h5 results/checkpoints
 

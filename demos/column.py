@@ -1,8 +1,13 @@
-"""A pressure pulse runs down an elastic column: fixed, viscous and viscoelastic base against the
-exact answer.
+"""A column under a pulse
+======================
+
+A pressure pulse runs down an elastic column: fixed, viscous and viscoelastic base against the exact
+answer.
 
 The one-dimensional test of Do, Vardon, González Acosta & Hicks (2023), section 4.1, built in
 ``mpm_fenicsx.scenes.column``.  Units: m, s, kg, Pa.
+
+Run it by::
 
     python demos/column.py          what the figure needs, about a minute
     python demos/column.py --all    every mapping
@@ -195,7 +200,7 @@ def figure(curves, path):
 
 def main(arguments=None) -> list[dict]:
     """Run the scenes, print the table, write results/column.json and results/column.png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="A column under a pulse, against the exact answer")
     parser.add_argument(
         "--all", action="store_true", help="run every mapping, not only those of the figure"
     )

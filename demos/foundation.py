@@ -1,7 +1,12 @@
-"""A strip on soil that softens: fixed, viscous and viscoelastic boundaries under the same pulses.
+"""A strip on soil that softens
+============================
+
+Fixed, viscous and viscoelastic boundaries under the same pulses.
 
 The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2, built in
 ``mpm_fenicsx.scenes.foundation``, which says what is assumed.  Units: m, s, kg, Pa.
+
+Run it by::
 
     python demos/foundation.py            the paper's grid, a few minutes
     python demos/foundation.py --quick    cells of 0.125 m, half a minute
@@ -225,7 +230,7 @@ def draw(curves, found, settings, cell, folder):
 def main(arguments=None) -> list[dict]:
     """Run the scenes, print the table, write foundation.json, foundation.png and
     foundation_maps.png."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description="A strip on soil that softens")
     parser.add_argument("--quick", action="store_true", help="cells of 0.125 m")
     parser.add_argument("--load", type=float, metavar="kPa", help="one load for curves and maps")
     parser.add_argument(

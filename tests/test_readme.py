@@ -1,28 +1,30 @@
-"""The scene in the README does what the README says."""
+"""The README does what it says, is short, and its links lead somewhere."""
 
-import contextlib
-import io
 import re
-import subprocess
-from pathlib import Path
 
-README = (Path(__file__).parents[1] / "README.md").read_text()
+import pages
+import pytest
 
-
-def test_the_scene_prints_what_the_text_says():
-    scene = re.search(r"```python\n(.*?)```", README, re.DOTALL).group(1)
-    said = re.search(r"It prints `(.*?)`", README).group(1)
-    printed = io.StringIO()
-    with contextlib.redirect_stdout(printed):
-        exec(scene, {})
-    assert printed.getvalue().strip() == said
+README = pages.HOME / "README.md"
+LINKS = sorted(set(re.findall(r"\]\(([^)#]+)[^)]*\)", README.read_text())))
 
 
-def test_the_apt_line_names_what_the_set_up_asks_for():
-    script = Path(__file__).parents[1] / "scripts" / "setup.sh"
-    asked = subprocess.run(
-        ["sh", script, "apt-packages"], capture_output=True, text=True, check=True
-    ).stdout.split()
+def test_the_scenes_print_what_the_text_says(tmp_path, monkeypatch):
+    pages.run(README, tmp_path, monkeypatch)
+
+
+def test_it_is_short():
+    assert len(README.read_bytes()) <= 12_000
+
+
+@pytest.mark.parametrize("link", [link for link in LINKS if ":" not in link])
+def test_a_link_leads_somewhere(link):
+    assert (README.parent / link).exists()
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/install.md"])
+def test_the_apt_line_names_what_the_set_up_asks_for(page):
+    asked, text = pages.apt_packages(), (pages.HOME / page).read_text()
     assert len(asked) > 5
     for package in asked:
-        assert package in README, package
+        assert package in text, package

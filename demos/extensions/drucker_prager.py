@@ -1,9 +1,14 @@
-"""A law of one's own: Drucker and Prager's, with a flow rule that is not associated.
+"""A law of your own
+=================
+
+Drucker and Prager's soil, with a flow rule that is not associated.
 
 A law inherits from ``Law``, states its density and elastic constants, names what it remembers and
 answers ``tangent`` for many points at once.  This one is ``OnElastic``, a ``Law`` that has the
 constants from an elastic soil, and is of finite strain where that is a ``Hencky``.  Its tangent is
 not symmetric; it says so, is carried whole, and the run takes a solver that suits.
+
+Run it by::
 
     python demos/extensions/drucker_prager.py
 """

@@ -1,8 +1,13 @@
-"""Damping of one's own: Rayleigh's, C = α M + β K, for all soil or for one material.
+"""Damping of your own
+===================
+
+Rayleigh's, C = α M + β K, for all soil or for one material.
 
 The scene has what mass and stiffness are integrated with, and gives the fields of one material
 alone.  The velocity is an expression of the motion, so that it is the one of the balance of forces
 in every rule of time.
+
+Run it by::
 
     python demos/extensions/rayleigh_damping.py
 """

@@ -1,8 +1,13 @@
-"""A boundary of one's own: Winkler's bed of springs.
+"""A boundary of your own
+======================
+
+Winkler's bed of springs.
 
 A term needs ``bind``, which returns its virtual work.  ``scene.patch(on)`` is the surface as forms
 see it, facets of the grid or points that move with the body alike: it remembers what springs have
 accumulated, also for restarts and for steps that are taken back.
+
+Run it by::
 
     python demos/extensions/winkler_boundary.py
 """

@@ -1,5 +1,5 @@
 """Bars whose motion is chosen and whose body force follows from it (``analytical.bar.Bar``), as
-runs of both kinds.
+runs of both kinds:
 
     standing   ends held, tiny amplitude: points stay in their cells
     moving     free ends, the same while the bar drifts over a fifth of its length, support domains
