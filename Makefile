@@ -8,7 +8,6 @@ MAKEFLAGS += --no-print-directory
 SYSTEM_PYTHON ?= /usr/bin/python3
 export SYSTEM_PYTHON
 STAMP := .venv/.stamp
-STAMP_DOCS := .venv/.stamp-docs
 ARGS ?=
 JOBS ?= 2
 
@@ -45,7 +44,7 @@ RUFF = ruff
 endif
 
 .PHONY: help setup demo foundation test test-apt validate speed bench lint docs linkcheck \
-	check-apt clean distclean
+	check-apt only-in-venv clean distclean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
@@ -87,6 +86,7 @@ lint: $(filter $(STAMP),$(READY)) ## check the style with ruff
 	@$(RUFF) check $(ARGS) .
 	@$(RUFF) format --check --quiet . || { echo "ruff format would change files: run it" >&2; exit 1; }
 
+STAMP_DOCS := $(if $(filter wheel,$(DOLFINX)),.venv/.stamp-docs,only-in-venv)
 # -W: a link that leads nowhere inside the pages, or a docstring that cannot be read, is an error.
 docs: $(STAMP_DOCS) ## build the documentation into docs/_build/html, demos run (some minutes)
 	@$(PY) -m sphinx -W --keep-going -q docs docs/_build/html $(ARGS)
@@ -96,16 +96,14 @@ linkcheck: $(STAMP_DOCS) ## ask the network whether links out of the documentati
 	@$(PY) -m sphinx -q -b linkcheck -D plot_gallery=0 docs docs/_build/linkcheck $(ARGS)
 
 # Sphinx is in .venv only where pages have been built, so that the tests do not wait for it.
-ifeq ($(DOLFINX),apt)
-$(STAMP_DOCS):
-	@echo "The documentation is built in .venv only, on DOLFINx's wheel: see 'make setup'" >&2; exit 1
-else
-$(STAMP_DOCS): $(STAMP) pyproject.toml
+.venv/.stamp-docs: $(STAMP) pyproject.toml
 	@echo "Adding Sphinx to .venv, about half a minute ..." >&2
 	@.venv/bin/python -m pip install --quiet --disable-pip-version-check --progress-bar off \
 		-e ".[docs]" </dev/null
 	@touch $@
-endif
+
+only-in-venv:
+	@echo "The documentation is built on DOLFINx's wheel only, in .venv: see 'make setup'" >&2; exit 1
 
 $(STAMP): pyproject.toml
 	@sh scripts/setup.sh wheel
