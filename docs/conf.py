@@ -18,11 +18,12 @@ HOME = Path(__file__).parents[1]
 PROJECT = tomllib.loads((HOME / "pyproject.toml").read_text())["project"]
 RESULTS = Path(tempfile.mkdtemp(prefix="mpm_fenicsx_gallery_"))  # of demos that are run
 sys.path.insert(0, str(HOME))
+import mpm_fenicsx  # noqa: E402  from this copy of the source
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 project = "mpm_fenicsx"
 author = PROJECT["authors"][0]["name"]
-version = release = PROJECT["version"]
+version = release = mpm_fenicsx.__version__
 copyright = author
 extensions = [
     "myst_parser",

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mpm_fenicsx import LinearElastic, OnElastic
-from mpm_fenicsx.materials.material import hooke, stiffness
+from mpm_fenicsx import LinearElastic, OnElastic, hooke, stiffness
 
 
 @dataclass(frozen=True)
