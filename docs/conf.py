@@ -19,6 +19,7 @@ PROJECT = tomllib.loads((HOME / "pyproject.toml").read_text())["project"]
 RESULTS = Path(tempfile.mkdtemp(prefix="mpm_fenicsx_gallery_"))  # of demos that are run
 sys.path.insert(0, str(HOME))
 import mpm_fenicsx  # noqa: E402  from this copy of the source
+
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 
 project = "mpm_fenicsx"
