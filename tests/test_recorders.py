@@ -218,7 +218,7 @@ def test_a_probe_outside_the_body_is_refused_with_what_is_nearest(dim, jitter):
     ):
         with pytest.raises(
             ValueError,
-            match=r"^at must lie inside the body, got .* begins 0?\.?\d+.* m away, at x=\[",
+            match=r"^at must lie inside the body, got .* known is 0?\.?\d+.* m away, at x=\[",
         ):
             run.record(mpm.Probe("stress", outside))
 

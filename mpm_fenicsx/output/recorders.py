@@ -209,7 +209,7 @@ def _closest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> str:
     row = int(np.argmin(distance)) if len(places) else -1
     mine = (float(distance[row]), tuple(places[row].tolist())) if len(places) else (np.inf, ())
     off, place = min(comm.allgather(mine))
-    return f"what it would look at begins {off:.4g} m away, at x={np.array(place)}"
+    return f"the nearest place where it is known is {off:.4g} m away, at x={np.array(place)}"
 
 
 def _nearest(places: np.ndarray, at: np.ndarray, comm: MPI.Comm) -> tuple[np.ndarray, np.ndarray]:

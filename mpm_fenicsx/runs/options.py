@@ -60,7 +60,11 @@ PAPER = {
     ),
     "initial_acceleration": InitialAcceleration.ZERO,
 }
-"""Keywords of ``Simulation`` for the step of Do et al. (2023) to the letter, the start included."""
+"""Keywords of ``Simulation`` for the step of Do et al. (2023), the start included: ``mapping``, of
+which there can be no other, and ``initial_acceleration``.
+
+What stays as it is here: composite strain linear across, patches of one material, the known motion
+of fixed nodes, loads on surfaces instead of the outermost points (docs/theory/departures.md)."""
 
 
 OF_MAPPING = ("sweeps", "transfer", "correction", "b_bar", "hold_cut_cells")

@@ -17,8 +17,8 @@ class Statics:
     _supported = False
 
     def balance(self) -> tuple[np.ndarray, float]:
-        """What supports bear as things stand (dofs,), N, and the force out of balance, relative to
-        those at work.
+        """The load that supports hold as things stand (dofs,), N, downwards under a weight, and the
+        force out of balance, relative to those at work; in dynamics the latter is what accelerates.
 
         Forces on light nodes count where their ties hand them to (see ``ties``): what a sliver of a
         cell lacks of balance weighs nothing.  ``equilibrium.strict`` is the same figure with every

@@ -1,5 +1,5 @@
 """Case 10: Lamb's problem, a line load on a half-space; a surface wave runs off at
-``exact.rayleigh_speed``.
+``analytical.waves.rayleigh_speed``.
 
 In the plane it neither decays nor spreads, whereas body waves along the surface fall off like
 x^-3/2: the delay of two receivers far out is that of the surface wave.

@@ -1,5 +1,5 @@
 """Case 9: plane waves meet viscous dashpots aslant; the energy that comes back is that of
-``exact.dashpot_echo``.
+``analytical.waves.dashpot_echo``.
 
 Two waves at ±θ together leave the lines x = 0 and x = π/k_x straight and without shear: smooth
 walls half a wave apart are the whole plane.  A packet of finite length has a spectrum of angles,
