@@ -1,0 +1,157 @@
+"""Tables of the documentation, from the results of studies and demos.
+
+In a page a table follows its mark, ``<!-- table: column -->``.  Called as a program, it renews all
+of them; ``tests/test_tables.py`` holds that they are those of results/.
+
+    python studies/tables.py
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+HOME = Path(__file__).parents[1]
+MARK = re.compile(r"(<!-- table: (\w+) -->\n\n)((?:\|[^\n]*\n)*)")
+
+
+def rows(name: str) -> list[dict]:
+    """What a study has written into results/."""
+    return json.loads((HOME / "results" / f"{name}.json").read_text())
+
+
+def markdown(heads: Iterable[str], body: Iterable[Iterable[str]]) -> str:
+    """A table in Markdown."""
+    heads = list(heads)
+    lines = [heads, ["---"] * len(heads), *body]
+    return "".join(
+        "| " + " | ".join(line) + " |\n" if line[0] != "---" else "|---" * len(line) + "|\n"
+        for line in map(list, lines)
+    )
+
+
+def column() -> str:
+    """The paper's column: errors and milliseconds a step."""
+    wanted = (
+        ("pressure at mid-height", "error_pressure_mid", ".2f"),
+        ("pressure at the base", "error_pressure_base", ".2f"),
+        ("displacement at mid-height", "error_displacement_mid", ".3f"),
+    )
+    body = []
+    for row in rows("column"):
+        broken = row["unstable_at_step"]
+        errors = (
+            [f"unstable from step {broken}", "", ""]
+            if broken is not None
+            else [f"{100 * row[key]:{form}} %" for _, key, form in wanted]
+        )
+        ms = 1e3 * row["seconds"] / row["steps"]
+        head = [row["base"], f"{row['load_kpa']:g}", row["mapping"].replace(" (", ", ")]
+        body.append([*head[:2], head[2].removesuffix(")"), *errors, f"{ms:.1f}"])
+    heads = ("base", "load, kPa", "method", *(name for name, _, _ in wanted), "ms a step")
+    return markdown(heads, body)
+
+
+def foundation() -> str:
+    """The strip foundation at 26 kPa: largest q, when, solves a step."""
+    found = {(r["method"], r["boundary"]): r for r in rows("foundation") if r["load_kpa"] == 26.0}
+    body = []
+    for boundary in ("fixed", "viscous", "viscoelastic"):
+        ours, twin = (found[method, boundary] for method in ("DM-GC", "FE"))
+        largest = f"{ours['max_deviatoric_kpa']:.2f} ({twin['max_deviatoric_kpa']:.2f}) kPa"
+        note = ", the yield plateau" if boundary == "fixed" else ""
+        when = f"{ours['time_of_max_s']:.2f} s"
+        body.append([boundary, largest + note, when, f"{ours['newton_per_step']:.2f}"])
+    return markdown(("boundary", "largest q at point 2, DM-GC (FE)", "at", "solves a step"), body)
+
+
+def nonlinear() -> str:
+    """Ways through a non-linear step: solves, and the change of settlement with the step."""
+    ways = {
+        "DM-GC, mapped response": "mapped response, DM-GC: the default",
+        "DM-G, mapped response": "mapped response, DM-G",
+        "DM-GC, mapped, 1e-3": "DM-GC to 1e-3 instead of 1e-6: `Newton(tolerance=1e-3)`",
+        "DM-GC, one solve": "DM-GC, one solve a step: `Newton(tolerance=None)`",
+        "DM-GC, modified Newton": "modified Newton with (7), equilibrium at the points; not kept",
+        "MPM, point tangent": "point tangent, MPM: of mappings that sum stiffness at the points",
+        "GIMP, point tangent": "point tangent, GIMP: not quite the derivative",
+        "FE": "finite elements",
+    }
+    found = {row["way"]: row for row in rows("nonlinear_step") if row["dt"] == 0.005}
+    body = (
+        [text, f"{found[way]['solves']:.1f}", f"{100 * found[way]['self']:.2f} %"]
+        for way, text in ways.items()
+    )
+    return markdown(("way", "solves a step", "change"), body)
+
+
+def cost() -> str:
+    """Milliseconds a step of DM-GC and of finite elements; ratios of runs that took turns, where
+    there are such."""
+    found = rows("cost_of_a_step")
+    bills = {
+        (row["dim"], row["points"], row["method"]): row["seconds"]
+        for row in found
+        if row["kind"] == "bill" and "seconds" in row
+    }
+    paired = {(row["dim"], row["points"]): row["ratios"] for row in found if row["kind"] == "ratio"}
+    methods = ("DM-GC", "DM-GC, reuse", "FE", "FE, Cholesky", "FE, frozen")
+    body = []
+    for dim, points in ((2, 24_576), (2, 98_304), (2, 393_216), (3, 65_536)):
+        times = [bills[dim, points, method] for method in methods]
+        turns = paired.get((dim, points), {})
+
+        def over(ours: int, twin: int, times=times, turns=turns) -> float:
+            between = f"{methods[ours]} / {methods[twin]}"
+            return turns[between][0] if between in turns else times[ours] / times[twin]
+
+        body.append(
+            [
+                f"{points:,} in {dim}D",
+                *(f"{1e3 * t:.{1 if t < 0.01 else 0}f}" for t in times),
+                f"{over(0, 2):.1f} ({over(1, 2):.1f})",
+                f"{over(0, 3):.2f} ({over(1, 3):.2f})",
+            ]
+        )
+    heads = ("points", "DM-GC, ms", "the same, `reuse=1e-3`", "FE, reassembled", "FE, Cholesky")
+    more = ("FE, factor kept", "DM-GC (reuse) ÷ FE", "÷ FE, Cholesky")
+    return markdown((*heads, *more), body)
+
+
+def peers() -> str:
+    """DM-GC beside Kratos, in turns."""
+    body = []
+    found = {(row["case"], row["method"]): row for row in rows("peers")}
+    for case in dict.fromkeys(row["case"] for row in rows("peers")):
+        ours, newton, once = (
+            found[case, method] for method in ("DM-GC", "Kratos, Newton", "Kratos, one solve")
+        )
+        ratios = [f"{row['over_dm_gc']:.1f}" for row in (newton, once)]
+        errors = [f"{100 * row['error_pressure']:.2g} %" for row in (newton, ours)]
+        body.append([case, *ratios, *errors])
+    heads = ("scene", "Kratos with its Newton ÷ DM-GC", "with one solve a step ÷ DM-GC")
+    return markdown((*heads, "error of the pressure, Kratos", "DM-GC"), body)
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    made.__name__: made for made in (column, foundation, nonlinear, cost, peers)
+}
+
+
+def renewed(page: str) -> str:
+    """A page's text with its tables anew."""
+    return MARK.sub(lambda found: found[1] + TABLES[found[2]](), page)
+
+
+def pages() -> list[Path]:
+    """Pages that have such tables."""
+    kept = (HOME / "docs").rglob("*.md")
+    return sorted(page for page in kept if MARK.search(page.read_text()))
+
+
+if __name__ == "__main__":
+    for page in pages():
+        page.write_text(renewed(page.read_text()))
+        print(page.relative_to(HOME))
