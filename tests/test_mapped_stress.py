@@ -76,6 +76,32 @@ def test_the_field_is_a_coefficient_of_forms():
     assert mean == pytest.approx(0.5 * 8.0, rel=1e-14)
 
 
+@pytest.mark.parametrize("dim", [2, 3])
+def test_around_a_place_linear_stress_is_exact_and_does_not_jump_at_grid_lines(dim):
+    run = block(dim)
+    (body,) = run.bodies
+    body.stress[:, 1] = 3.0 * body.x[:, 0] - body.x[:, 1]
+    field = run.stress_field()
+    rest = (1.0, 1.0)[: dim - 1]
+    for x in (1.0, 1.3, 1.5, 2.0 - 1e-9, 2.0, 2.0 + 1e-9, 2.5):
+        found = field.around(np.array([x, *rest]))
+        assert found[1] == pytest.approx(3.0 * x - 1.0, rel=1e-8)
+    assert np.isnan(field.around(np.array([0.5, 2.5, 0.5][:dim]))).all()
+    low, high = field.at([[2.0 - 1e-9, *rest], [2.0, *rest]])[:, 1]
+    assert high - low > 2.0  # the field itself jumps
+
+
+def test_integrals_over_cut_cells_go_by_the_fill():
+    grid = mpm.Grid.box((0, 0), (2, 5), (4, 10))
+    soil = mpm.LinearElastic(1e6, 0.3, 1000.0)
+    body = mpm.MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] < 3.75)
+    body.stress[:, 1] = -1e3
+    field = mpm.Simulation(grid, body, mpm.Newmark(1e-3), []).stress_field()
+    found = fem.assemble_scalar(fem.form(field.fill * field.function[1] * ufl.dx))
+    assert found == pytest.approx(-1e3 * 2.0 * 3.75, rel=1e-12)
+    assert field.fill.x.array.max() == pytest.approx(1.0, rel=1e-12)
+
+
 # -- in a run --------------------------------------------------------------------------------------
 
 
@@ -153,8 +179,8 @@ def test_a_probe_sees_the_field_where_its_place_has_gone():
     run.until(0.5)
     body.stress[:, 0] = 5.0 * body.x[:, 0]
     probe(run)
-    exact = run.stress_field().at([[1.4 + 2.0 * 0.5, 1.6]])
-    np.testing.assert_allclose(probe.values[-1], exact[0], rtol=1e-9)
+    exact = run.stress_field().around(np.array([1.4 + 2.0 * 0.5, 1.6]))
+    np.testing.assert_allclose(probe.values[-1], exact, rtol=1e-9)
     assert 5.0 < probe.values[-1, 0] < 15.0
 
 

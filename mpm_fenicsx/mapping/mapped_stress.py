@@ -76,6 +76,7 @@ class PointStressField(StressField):
         super().__init__(grid)
         self._projection = Projection(grid, DOUBLE_MAPPED, self._rows.shape[1] + 1)
         self._order = self._projection.dofs.astype(np.int64)
+        self._fill_dofs = grid.tensor_order(self.fill.function_space, 1)
 
     def refresh(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil]) -> None:
         """Bring it to where the points are, as ``stencils`` know it, and to what they bear."""
@@ -91,3 +92,4 @@ class PointStressField(StressField):
         self.filled = (fill > EMPTY).all(axis=1)
         share = np.divide(1.0, fill, out=np.zeros_like(fill), where=fill > EMPTY)
         self.put(mapped[..., :-1] * share[..., None])
+        self.fill.x.array[self._fill_dofs] = fill

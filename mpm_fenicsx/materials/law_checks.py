@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
 from ..common import tensors
 from ..common.checks import array, in_short, positive
+from .material import stiffness
 
 NEEDED = {
     "density": "kg/m³",
@@ -32,6 +34,11 @@ BEYOND = {
 PROBES = 10.0 ** np.arange(-8, 0)
 """Sizes of strain that a law without history is asked for; any that yields at all does so at the
 largest."""
+AT_REST = 1e-6
+"""Of the bulk modulus: a pressure under which no law yields."""
+APART = 0.1
+"""Of the stiffness of λ and μ: a tangent at rest that is less, or as many times more, is
+doubted."""
 LINEAR = 1e-9
 """Of the stress increment: what an elastic law may differ by from C : ε."""
 SYMMETRIC = 1e-8
@@ -146,6 +153,8 @@ def _refuse_unless_as_it_says(material, dim: int) -> None:
             raise ValueError(
                 f"material: {name} changes the {what} that it is given: it must return new arrays"
             )
+    if not material.kinematics.finite:
+        _refuse_total_strain(material, dim)
     size = np.abs(new).max(initial=np.finfo(float).tiny)
     if not np.allclose(again, new, rtol=1e-9, atol=1e-9 * size, equal_nan=True):
         raise ValueError(f"material: respond and tangent of {name} give different stresses")
@@ -161,6 +170,35 @@ def _refuse_unless_as_it_says(material, dim: int) -> None:
             f"material: {name} says symmetric = True, and its tangent is askew by "
             f"{askew[row]:.2g} of its largest entry after the strain {strain[row]}: say "
             "symmetric = False, and it is carried whole"
+        )
+
+
+def _refuse_total_strain(material, dim: int) -> None:
+    """Ask for the stress after no strain at all: it is what it was, here a small pressure."""
+    λ, μ = material.lame
+    before = np.zeros((1, tensors.components(dim)))
+    before[:, :3] = -AT_REST * (λ + 2 * μ / 3)
+    given = {"size": np.full(1, material.length)} if material.length else {}
+    history = np.asarray(material.initial_history(before, given), float)
+    new, _, tangent = material.tangent(np.zeros_like(before), before.copy(), history, given)
+    name = type(material).__name__
+    if not np.abs(new - before).max() <= 0.5 * np.abs(before).max():
+        raise ValueError(
+            f"material: without any strain {name} makes of the stress {before[0]} Pa {new[0]}: "
+            "strain is the increment of the step, and what a law returns is the stress that was "
+            "there and what the increment adds"
+        )
+    plane = tensors.in_plane(dim)
+    moduli = tuple(float(np.ravel(value)[0]) for value in material.moduli(before, history))
+    found = np.abs(np.asarray(tangent)[0][plane[:, None], plane]).max()
+    known = np.abs(stiffness(moduli, dim)).max()
+    if not APART * known < found < known / APART:
+        warnings.warn(
+            f"material: the tangent of {name} at rest has entries up to {found:.3g} Pa, and those "
+            f"of its λ and μ = {moduli} are up to {known:.3g} Pa: energies and the first solve of "
+            "a step go by λ and μ",
+            UserWarning,
+            stacklevel=5,
         )
 
 

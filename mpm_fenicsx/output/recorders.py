@@ -35,7 +35,16 @@ class Series:
         return np.array(self._values)
 
     def note(self, run: Run, value: np.ndarray) -> None:
-        """Write down one value at the run's time."""
+        """Write down a copy of one value, a number or an array, at the run's time.
+
+        Raises ``ValueError`` for a value of another shape than those before.
+        """
+        value = np.array(value)
+        if self._values and value.shape != np.shape(self._values[-1]):
+            raise ValueError(
+                f"{type(self).__name__}: a value has shape {value.shape}, those before "
+                f"{np.shape(self._values[-1])}"
+            )
         self._times.append(run.time)
         self._values.append(value)
 
@@ -51,10 +60,12 @@ class Series:
 class Probe(Series):
     """A field at a place of the body; the place moves with the material.
 
-    ``field``: displacement since attaching (m), velocity (m/s), acceleration (m/s²) or stress (Pa,
-    rows as in ``tensors``); ``at`` (dim,), m, when attached.  The value is a weighted mean of the
-    samples nearest to ``at`` (in cells), exact for linear fields: material points or, in a finite
-    element run, cell centres for stress and nodes for the rest.
+    ``field``: displacement since attaching (m), velocity (m/s), acceleration (m/s²), stress (Pa,
+    rows as in ``tensors``) or grid_stress; ``at`` (dim,), m, when attached.
+    The value is a weighted mean of the samples nearest to ``at`` (in cells), exact for linear
+    fields: material points or, in a finite element run, cell centres for stress and nodes for the
+    rest.  ``grid_stress`` is the mean of the stress on the grid (``run.stress_field``) over one
+    cell's size around the place; for it the stress of all points is mapped anew at every step.
     Raises ``ValueError`` for a field that is not known, or a place that is none or lies outside the
     body: by more than half a support domain from the outermost, or outside the mesh.
     """
@@ -90,10 +101,10 @@ class Probe(Series):
         self.note(run, self._on_the_grid(run, value) if self.field == ON_THE_GRID else value)
 
     def _on_the_grid(self, run: Run, moved: np.ndarray) -> np.ndarray:
-        """Stress (components,), Pa, on the grid where the place is now; NaN where it has left the
-        material."""
+        """Stress (components,), Pa, on the grid around where the place is now; NaN where that has
+        left the material."""
         place = moved if run.bodies else self.at
-        found = run.grid.comm.allgather(run.stress_field().at(place[None])[0])
+        found = run.grid.comm.allgather(run.stress_field().around(place))
         return next((row for row in found if np.isfinite(row).all()), found[0])
 
     def state(self) -> dict[str, np.ndarray]:

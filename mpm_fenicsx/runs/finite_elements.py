@@ -29,6 +29,7 @@ from ..response.small_strain import YieldingElements
 from ..solver.equilibrium import Equilibrium
 from ..solver.solver import Solver
 from ..terms.body import elastic_work, elasticity, inertia
+from ..terms.doubtful_boundaries import warn_of_doubtful
 from ..terms.meeting_supports import refuse_disagreement
 from ..terms.scene import Scene
 from .b_bar_checks import warn_of_laws
@@ -113,6 +114,7 @@ class FiniteElements(Run):
         others += scene.bind(self.terms)
         self.contributions = [body, *others]
         refuse_disagreement(scene)
+        warn_of_doubtful(grid, self.terms)
         if b_bar:
             warn_of_laws(materials.materials)
         self.yielding = self._can_yield()

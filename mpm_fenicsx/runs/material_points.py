@@ -35,17 +35,21 @@ from ..solver.acceleration_correction import correction_of
 from ..solver.equilibrium import Equilibrium
 from ..solver.solver import Solver
 from ..terms.body import elasticity, inertia
+from ..terms.doubtful_boundaries import warn_of_doubtful
 from ..terms.meeting_supports import refuse_disagreement
-from ..terms.reach import check_reach, partly_filled
+from ..terms.reach import check_reach, partly_filled, refuse_overlaps
 from ..terms.scene import Scene
 from .b_bar_checks import warn_of_points
 from .identity import described
 from .options import (
     InitialAcceleration,
     check_start,
+    choices,
     chosen_correction,
     courant_number,
     of_today,
+    unusual,
+    warn_of_courant,
 )
 from .run import Run
 from .scene_checks import bodies_of
@@ -118,7 +122,9 @@ class Simulation(Run):
         others += scene.bind(self.terms)
         self.contributions = [body, *others]
         refuse_disagreement(scene)
+        refuse_overlaps(grid, self.bodies, self.cells)
         check_reach(scene, self.bodies, self.cells, self.stencils)
+        warn_of_doubtful(grid, self.terms, self.bodies)
         self.gauss = GaussPoints(grid, mean_volume=True) if mapping.b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(
@@ -188,8 +194,10 @@ class Simulation(Run):
     def __str__(self) -> str:
         """What the run is made of, what was chosen for it, and what it therefore pays for."""
         points = " + ".join(str(len(body)) for body in self.bodies)
+        options = unusual(self.mapping)
+        name = f"{self.name} with {options}" if options else self.name
         lines = [
-            f"{self.name} on {self.grid.cells} cells in {self.grid.dim}D, {points} material points",
+            f"{name} on {self.grid.cells} cells in {self.grid.dim}D, {points} material points",
             f"step: {self.stepping}",
         ]
         if self.stepping.dynamic:
@@ -211,6 +219,7 @@ class Simulation(Run):
         """Before the first step: doubts are said, and points that bring no acceleration take that
         of the balance."""
         warn_of_interfaces(self.grid, self.bodies, self.cells)
+        warn_of_courant(self.courant_number, self.stepping)
         unmoved = [*self._left, *(body for body in self._unmoved if not body.acceleration.any())]
         if (
             not self.grid.comm.allreduce(len(unmoved))
@@ -400,7 +409,10 @@ class Simulation(Run):
             f"body {n}": f"{len(body)} points of {described(body.material)}"
             for n, body in enumerate(self.bodies)
         }
-        return {**super().identity(), **bodies, "b_bar": str(self.gauss is not None)}
+        way = choices(self.mapping)
+        del way["transfer"]
+        mapping = ", ".join(f"{name}={value}" for name, value in way.items())
+        return {**super().identity(), **bodies, "mapping": mapping}
 
     # -- what recorders ask for --------------------------------------------------------------------
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping as Options
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from enum import Enum
 
 from mpi4py import MPI
@@ -19,6 +19,8 @@ from ..points.material_points import MaterialPoints
 from ..solver.newton import Newton
 from ..solver.solver import Solver
 
+UNLIKELY = 100.0
+"""Courant number from which a step is doubted."""
 SHORT = 1.0 + 1e-9
 """Courant number up to which the correction is by lumped mass, and from which it is implicit.
 
@@ -50,6 +52,35 @@ def check_start(initial_acceleration) -> None:
     )
 
 
+def choices(mapping: Mapping) -> dict[str, str]:
+    """What a mapping is made of, by name, in words."""
+    found = {}
+    for field in fields(mapping):
+        value = getattr(mapping, field.name)
+        if isinstance(value, Enum):
+            value = value.value
+        found[field.name] = str(getattr(value, "__name__", None) or getattr(value, "name", value))
+    return found
+
+
+def unusual(mapping: Mapping) -> str:
+    """The options of a mapping that are not the default's, such as ``"sweeps=0"``."""
+    found, usual = choices(mapping), choices(replace(DM_GC, name=mapping.name))
+    return ", ".join(f"{name}={found[name]}" for name in OPTIONS if found[name] != usual[name])
+
+
+def warn_of_courant(number: float, stepping: Newmark | QuasiStatic) -> None:
+    """Warn of a step over which waves run through so many cells that units are likely amiss."""
+    if stepping.dynamic and number > UNLIKELY:
+        warnings.warn(
+            f"with {stepping} P waves run through {number:.3g} cells a step, and what they do is "
+            "not resolved: Courant numbers are about 1; look at the units of dt (s), of the moduli "
+            "(Pa) and of the density (kg/m³)",
+            UserWarning,
+            stacklevel=3,
+        )
+
+
 PAPER = {
     "mapping": replace(
         DM_GC,
@@ -67,6 +98,7 @@ What stays as it is here: composite strain linear across, patches of one materia
 of fixed nodes, loads on surfaces instead of the outermost points (docs/theory/departures.md)."""
 
 
+OPTIONS = ("mass", "stress", "sweeps", "transfer", "b_bar", "hold_cut_cells")
 OF_MAPPING = ("sweeps", "transfer", "correction", "b_bar", "hold_cut_cells")
 OF_SOLVER = ("newton", "reuse")
 

@@ -196,10 +196,15 @@ class Run(Statics):
         after ``restart``.
         Raises ``OutputError`` where it cannot write.
         """
-        if isinstance(recorder, type) or not callable(recorder) or not hasattr(recorder, "attach"):
-            raise ValueError(
-                f"recorder must be an object such as Energy() or Probe(field, at), got {recorder!r}"
-            )
+        such_as = "recorder must be an object such as Energy() or Probe(field, at)"
+        if isinstance(recorder, type):
+            raise ValueError(f"{such_as}, got {recorder!r}: call it with what it asks for")
+        lacking = "" if callable(recorder) else "__call__(run)"
+        lacking = lacking if hasattr(recorder, "attach") else "attach(run)"
+        if lacking:
+            raise ValueError(f"{such_as}, and this has no {lacking}, got {recorder!r}")
+        if any(one is recorder for one in self.recorders):
+            raise ValueError(f"recorder: this run has it already, {recorder!r}")
         try:
             recorder.attach(self)
         except OSError as error:
@@ -247,7 +252,7 @@ class Run(Statics):
         Call it on a run that the same script has built anew, its recorders attached, or on one that
         has failed. What recorders there have recorded is replaced; those of the file that this run
         has not are left out, and what is recorded from here on is recorded after this call.
-        Transfer, Newton's limits and solver may be others.
+        The mapping's transfer, Newton's limits and solver may be others.
         Raises ``ValueError`` naming what differs, and then has changed nothing; ``OSError`` for a
         file that cannot be read or is no checkpoint.
         """

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 
 from ..common.checks import positive, whole
@@ -9,6 +11,9 @@ from ..common.errors import RunError
 from ..solver.rigid_motions import free_motion
 from ..terms.loads import Traction
 from .reactions import tractions
+
+OUT_OF_BALANCE = 1e-5
+"""Relative to the forces at work: with more reactions are not those at rest."""
 
 
 class Statics:
@@ -84,9 +89,15 @@ class Statics:
         """
         self._at_rest("reactions")
         equilibrium = self.equilibrium
-        return tractions(
-            self.scene, equilibrium.fixed, self.balance()[0], surfaces, equilibrium.ties
-        )
+        borne, left = self.balance()
+        if left > OUT_OF_BALANCE:
+            warnings.warn(
+                f"reactions of a run that is out of balance by {left:.2g} of its forces: what they "
+                "take the place of moves when it is set free; settle() first",
+                UserWarning,
+                stacklevel=2,
+            )
+        return tractions(self.scene, equilibrium.fixed, borne, surfaces, equilibrium.ties)
 
     def _at_rest(self, name: str) -> None:
         if self.stepping.dynamic:

@@ -19,6 +19,7 @@ from ..mapping.ties import Ties
 from ..response.response import Response
 from ..terms.contribution import Contribution
 from .active_nodes import Part
+from .changing_factors import ChangingFactors
 from .linear_solver import RESCUE, SolverKind, linear_solver
 from .matrix_update import Update
 from .solver import Solver
@@ -71,6 +72,7 @@ class Equilibrium:
             # a linear step asks for the residual at u = 0 only, which costs less
             residual = ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)})
         self.update = Update.of(motion, tangent) if reuse else None
+        self._factors = ChangingFactors(motion, others)
         self._body_work, self._loads = body.work, [c.force for c in others if c.force]
         self._residual = dolfinx_versions.compile_form(residual)
         self._tangent = dolfinx_versions.compile_form(tangent)
@@ -90,7 +92,7 @@ class Equilibrium:
         self.idle = np.zeros(self._owned, dtype=bool)
         kind = SolverKind(motion.grid.comm, factored or not motion.stepping.dynamic, self.symmetric)
         self.ksp = linear_solver(self.matrix, kind.options, solver.petsc)
-        self._looked = False
+        self._looked = self._altered = False
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
         self._can_rescue = ours
@@ -185,7 +187,7 @@ class Equilibrium:
     def _bring_up_to_date(self) -> bool:
         """K in the matrix; False if that has not changed."""
         A, update = self.matrix, self.update
-        if update is not None and update.follow():
+        if update is not None and update.follow() and not self._altered:
             if not len(update.cells):
                 return False
             if self.part.matrix is A:
@@ -212,8 +214,10 @@ class Equilibrium:
         Raises ``SolverError`` if PETSc or Newton does not converge.
         """
         self._clear()
-        if reassemble or self._bent:
+        self._altered = self._factors.changed()
+        if reassemble or self._bent or self._altered:
             self.assemble_tangent()
+            self._altered = False
             self._bent = False
         self.first = self.refresh(internal)
         self.correct()
@@ -223,7 +227,8 @@ class Equilibrium:
         = P - F - Z v, and of nodes whose acceleration is known: those of a step so short that
         stiffness does not count, by its own forms.
         """
-        motion = self.motion
+        motion, looked = self.motion, self._looked
+        self._looked = True  # stiffness does not count here, and what of it is askew is not seen
         with motion.vanishing_step() as factor:
             self._clear()
             for known in motion.moved:
@@ -231,7 +236,7 @@ class Equilibrium:
             self.assemble_tangent()
             self.refresh(None)
             self._solve()
-        self._bent = True
+        self._bent, self._looked = True, looked
         found = factor * (motion.u.x.array + self.increment.x.array)
         motion.u.x.array[:] = 0.0
         return found

@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 from dolfinx import fem
 
+from ..common.ranks import anywhere
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid
 from ..mapping.shape_functions import Stencil
@@ -29,6 +30,8 @@ WHOLE = 1e-3
 """Of an area: what is lost beyond that is told; slivers of a body beyond a grid line lose less."""
 FULL = 1e-3
 """Of a cell: what lacks less is full."""
+OVERFULL = 1.4
+"""Times one body, or a full cell: bodies that fill more together overlap."""
 
 
 def check_reach(
@@ -71,27 +74,53 @@ def check_reach(
 
 def partly_filled(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray]) -> int:
     """How many cells are neither full nor empty, on all ranks together."""
-    volume = np.zeros(grid.cells)
-    lattice = grid.lattice
-    for body, cell in zip(bodies, cells, strict=True):
-        at = Stencil(grid, len(body), support=True)
-        x = body.x if body.seat is None else body.seat  # where domains tile
-        cell = cell if body.seat is None else grid.find(x)
-        at.place(x, body.half, cell)
-        for corner in range(2**grid.dim):
-            c, part = cell.copy(), body.volume.copy()
-            for d in range(grid.dim):
-                s = (corner >> d) & 1
-                part *= at.share[:, d, s]
-                if s:
-                    c = np.where(part > 0.0, lattice.neighbour[c, d, (at.side[:, d] + 1) // 2], c)
-            np.add.at(volume, c[part > 0.0], part[part > 0.0])
+    fill = sum(_fill(grid, body, cell) for body, cell in zip(bodies, cells, strict=True))
+    return grid.comm.allreduce(int(((fill > TRACE) & (fill < 1.0 - FULL)).sum()))
+
+
+def refuse_overlaps(
+    grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray]
+) -> None:
+    """Raise ``ValueError`` where bodies of one run fill a cell more than once between them, on any
+    rank."""
+    if len(bodies) < 2:
+        return
+    fills = np.array([_fill(grid, body, cell) for body, cell in zip(bodies, cells, strict=True)])
+    double = fills.sum(axis=0) > OVERFULL * np.maximum(fills.max(axis=0, initial=0.0), 1.0)
+    message = None
+    if double.any():
+        cell = int(np.argmax(fills.sum(axis=0) * double))
+        one, other = np.sort(np.argsort(-fills[:, cell])[:2])
+        centre = 0.5 * (grid.lattice.lower[cell] + grid.lattice.upper[cell])
+        message = (
+            f"bodies {one} and {other} overlap: together they fill the cell at x={centre} "
+            f"{fills[:, cell].sum():.3g} times; let each end where the other begins"
+        )
+    message = anywhere(grid.comm, message)
+    if message:
+        raise ValueError(message)
+
+
+def _fill(grid: Grid, body: MaterialPoints, cell: np.ndarray) -> np.ndarray:
+    """The part of each of this rank's own cells that support domains of a body fill."""
+    volume, lattice = np.zeros(grid.cells), grid.lattice
+    at = Stencil(grid, len(body), support=True)
+    x = body.x if body.seat is None else body.seat  # where domains tile
+    cell = cell if body.seat is None else grid.find(x)
+    at.place(x, body.half, cell)
+    for corner in range(2**grid.dim):
+        c, part = cell.copy(), body.volume.copy()
+        for d in range(grid.dim):
+            s = (corner >> d) & 1
+            part *= at.share[:, d, s]
+            if s:
+                c = np.where(part > 0.0, lattice.neighbour[c, d, (at.side[:, d] + 1) // 2], c)
+        np.add.at(volume, c[part > 0.0], part[part > 0.0])
     f = fem.Function(dolfinx_versions.space(grid.mesh, "DQ", 0))
     dofs = dolfinx_versions.cell_dofs(f.function_space)[:, 0]
     f.x.array[dofs] = volume
     dolfinx_versions.gather(f)
-    fill = (f.x.array[dofs] / lattice.volume)[: grid.owned_cells]
-    return grid.comm.allreduce(int(((fill > TRACE) & (fill < 1.0 - FULL)).sum()))
+    return (f.x.array[dofs] / lattice.volume)[: grid.owned_cells]
 
 
 def _check_support(scene: Scene, term: Fixed, there: np.ndarray) -> None:
