@@ -37,12 +37,13 @@ class KnownMotion:
 
 
 class Motion:
-    """Displacement increment ``u`` of the step and, in dynamics, velocity ``v`` and acceleration
-    ``a`` before it.
+    """Displacement increment ``u`` of the step (m) and, in dynamics, velocity ``v`` (m/s) and
+    acceleration ``a`` (m/s²) before it: fields on ``grid``.
 
-    Forms integrate over the cells of ``region``.  ``velocity`` and ``acceleration`` are the
-    expressions in the balance of forces (see ``time_stepping``), affine in u; their factors are
-    constants, so that a new time step compiles nothing.
+    ``w``: the test function.  ``stepping``: the rule of time, and in dynamics ``dt`` (s), its step,
+    a constant of forms.  Forms integrate over the cells of ``region``.  ``velocity`` and
+    ``acceleration`` are the expressions in the balance of forces (see ``time_stepping``), affine in
+    u; their factors are constants, so that a new time step compiles nothing.
     """
 
     def __init__(self, grid: Grid, stepping: Newmark | QuasiStatic):
@@ -72,7 +73,8 @@ class Motion:
         self.dt.value = np.array(stepping.dt)
 
     def known(self, force):
-        """A force that was there before the step, constant in it, as it counts in the balance."""
+        """A force that is there before the step, and constant in it, as it counts in the balance:
+        by 1 at the end of the step and by ``stepping.start`` at its start."""
         start = self.stepping.start
         return (
             force if start == 0.0 else fem.Constant(self.grid.mesh, np.array(1.0 + start)) * force
