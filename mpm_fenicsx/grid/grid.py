@@ -78,7 +78,12 @@ class Grid:
     ) -> Grid:
         """Grid of equal cells between two corners (m), in 2D or 3D.
 
-        Raises ``ValueError`` for corners or numbers of cells that make no box.
+        ``facets``: names for parts of the grid's outer edge, each with a function of x (dim, n), m,
+        -> bool (n,), such as ``{"strip": lambda x: (x[1] > 2 - 1e-9) & (x[0] < 1 + 1e-9)}``; a
+        facet belongs to a part with all its corners, and facets inside the grid are never taken.
+        ``grid.facets("strip")`` is then the part.
+        Raises ``ValueError`` for corners or numbers of cells that make no box, and as ``Grid`` does
+        for ``facets``.
         """
         given = [np.shape(v) for v in (lower, upper, cells)]
         if given[0] not in ((2,), (3,)) or len(set(given)) > 1:
