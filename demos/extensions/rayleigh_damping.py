@@ -17,10 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from ufl import inner
+from ufl import Identity, div, grad, inner, sym
 
 import mpm_fenicsx as mpm
-from mpm_fenicsx.terms.body import elastic_work
 
 
 @dataclass(frozen=True)
@@ -43,12 +42,21 @@ class RayleighDamping:
 
         def work(v, w):
             by_mass = self.alpha * inner(density * v, w) * scene.dx
-            return by_mass + self.beta * elastic_work(scene, v, w, lame)
+            return by_mass + self.beta * elastic_work(scene, *lame, v, w)
 
         def energy() -> dict[str, object]:
             return {"damped": work(motion.u / motion.dt, motion.u)}
 
         return mpm.Contribution(work(motion.velocity, motion.w), energy=energy)
+
+
+def elastic_work(scene, λ, μ, v, w):
+    """Virtual work of the elastic stress of v against w: of change of shape, and of change of
+    volume, which with ``b_bar`` is that of the middle of each cell."""
+    dx, strain, unit = scene.stiffness_dx, sym(grad(v)), Identity(len(v))
+    middle = dx(metadata={"quadrature_degree": 1}) if scene.b_bar else dx
+    shape = inner(2 * μ * (strain - div(v) / 3 * unit), sym(grad(w))) * dx
+    return shape + (λ + 2 * μ / 3) * div(v) * div(w) * middle
 
 
 def energy_left(
