@@ -9,7 +9,7 @@ from dolfinx import fem
 from mpm_fenicsx import MAPPINGS, LinearElastic, MaterialPoints, QuasiStatic, Simulation
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.grid import dolfinx_versions, weak_forms
-from mpm_fenicsx.grid.form_degree import degree
+from mpm_fenicsx.grid.form_degree import degree, factors
 from mpm_fenicsx.mapping.projection import simpson
 
 
@@ -131,6 +131,23 @@ def test_of_which_degree_a_form_is_in_a_coefficient():
         (ufl.inner(c / (1.0 + u[0]), w) * dx, np.inf),
     ):
         assert degree(form, u) == expected
+
+
+def test_what_multiplies_a_coefficient():
+    """Only what its derivative is made of: not loads, not what is added."""
+    grid = dense.uneven(2)
+    u, c, d, w = *(fem.Function(grid.space) for _ in range(3)), ufl.TestFunction(grid.space)
+    λ, k = (fem.Constant(grid.mesh, np.array(2.0)) for _ in range(2))
+    dx, ds = ufl.dx(domain=grid.mesh), ufl.ds(domain=grid.mesh)
+    stress = weak_forms.hooke(λ, k, weak_forms.strain(u))
+    for form, expected in (
+        (ufl.inner(λ * c, w) * dx, set()),
+        (weak_forms.internal_work(stress, w) * dx, {λ, k}),
+        (ufl.inner(k * u / (1.0 + c[0] ** 2) + λ * d, w) * dx, {k, c}),
+        (ufl.inner(k * u, w) * dx + ufl.inner(λ * d, w) * ds, {k}),
+        (d[0] * ufl.inner(u - c, w) * ds, {d}),
+    ):
+        assert set(factors(form, u)) == expected
 
 
 def test_rules_of_surface_points_compile_without_a_word(grid, caplog):

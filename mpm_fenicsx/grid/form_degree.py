@@ -34,7 +34,8 @@ def factors(form, coefficient) -> list:
     known: dict[object, float] = {}
     found: dict[object, None] = {}
     for part in form.integrals():
-        _collect(part.integrand(), coefficient, known, found)
+        if _degree(part.integrand(), coefficient, known):
+            _collect(part.integrand(), coefficient, known, found)
     return list(found)
 
 
