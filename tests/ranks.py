@@ -356,7 +356,7 @@ def twin(
     run = mpm.FiniteElements(grid, material, stepping, terms, solver=solver, b_bar=b_bar)
     for _ in range(3):
         run.step()
-    return {"displacement": nodal(grid, run.motion.nodal(run.displacement))}
+    return {"displacement": nodal(grid, run.nodal("displacement"))}
 
 
 def layers(dim: int, finite: bool) -> dict:
@@ -388,7 +388,7 @@ def layers(dim: int, finite: bool) -> dict:
     stress, κ = run.stress(np.arange(grid.cells)), run.yielding.history.reshape(grid.cells, -1)
     assert grid.comm.allreduce(float(κ.max())) > 1e-5
     return {
-        "displacement": nodal(grid, run.motion.nodal(run.displacement)),
+        "displacement": nodal(grid, run.nodal("displacement")),
         "stress": {key(centre[c]): stress[c].tolist() for c in own},
         "history": {key(centre[c]): sorted(κ[c].tolist()) for c in own},
         "energy": {"": energy.values[-1].tolist()},

@@ -114,7 +114,7 @@ def test_a_bar_vibrates_with_the_frequency_of_its_mode():
     found = []
     for _ in range(100):
         run.step()
-        found.append(run.motion.nodal(run.displacement)[end, 0])
+        found.append(run.nodal("displacement")[end, 0])
     t = dt * np.arange(1, 101)
     np.testing.assert_allclose(found, np.sin(ω * t) / ω_h, atol=1e-9 / ω_h)
 
@@ -171,7 +171,7 @@ def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
             ],
         )
         run.until(0.01)
-        assert run.motion.nodal(run.displacement)[:, 1].max() > 0.01
+        assert run.nodal("displacement")[:, 1].max() > 0.01
         found.append(run.displacement.x.array)
     np.testing.assert_allclose(found[1], found[0], atol=1e-11 * np.abs(found[0]).max())
 
@@ -219,14 +219,14 @@ def test_springs_go_on_with_what_they_bear(dim, surface):
     for name, value in whole.state().items():
         assert np.array_equal(second.state()[name], value), name
     whole.until(60.0)
-    u = whole.motion.nodal(whole.displacement)[:, -1]
+    u = whole.nodal("displacement")[:, -1]
     sunk = -500.0 * 20.0 / (2 * SPRINGY.lame[1])  # -6.25e-4 m; without memory it sinks twice
     assert u.max() == pytest.approx(sunk, rel=1e-4)  # it hardly trembles any more
     again = whole.terms[-1].on if surface == "points" else fresh()
     rest = mpm.FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, again), start=whole)
     energy = rest.record(mpm.Energy())
     rest.until(20.0)
-    now = rest.motion.nodal(rest.displacement)[:, -1]
+    now = rest.nodal("displacement")[:, -1]
     np.testing.assert_allclose(now, u, atol=1e-4 * abs(sunk))
     assert np.abs(energy.lost).max() < 1e-9 * 500.0 * abs(sunk)
 
@@ -279,11 +279,11 @@ def test_what_start_takes_over_and_what_not():
         assert np.array_equal(now, before)
     second.until(0.1)
     base = grid.space.tabulate_dof_coordinates()[:, 1] < 1e-9
-    np.testing.assert_allclose(second.motion.nodal(second.displacement)[base], 2e-4, rtol=1e-9)
+    np.testing.assert_allclose(second.nodal("displacement")[base], 2e-4, rtol=1e-9)
     still = [push[1], mpm.Fixed(grid.facets("bottom"))]
     static = mpm.FiniteElements(grid, dense.SOIL, mpm.QuasiStatic(1), still, start=second)
     static.step()
-    np.testing.assert_allclose(static.motion.nodal(static.displacement)[base], 2e-4, rtol=1e-9)
+    np.testing.assert_allclose(static.nodal("displacement")[base], 2e-4, rtol=1e-9)
     moving = mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(0.01), push, start=static)
     assert not moving.nodal("velocity").ravel().any()
     body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)

@@ -270,7 +270,7 @@ def test_a_block_is_pressed_as_hencky_says(kind, dim):
         low, high = (λ, high) if -M * math.log(λ) / λ > load else (low, λ)
     assert 0.6 < λ < 0.75
     if kind is None:
-        stress, height = run.yielding.state, 1.0 + run.motion.nodal(run.displacement)[:, -1].min()
+        stress, height = run.yielding.state, 1.0 + run.nodal("displacement")[:, -1].min()
     else:
         body = run.bodies[0]
         stress, height = body.stress, body.x[:, -1].max() * 16 / 15

@@ -92,7 +92,7 @@ class Layers:
         ) - 1
 
     def moved(self, run):
-        return run.motion.nodal(run.displacement)[:, self.up]
+        return run.nodal("displacement")[:, self.up]
 
 
 # -- elastic layers --------------------------------------------------------------------------------
@@ -138,7 +138,7 @@ def test_columns_side_by_side_share_a_uniform_strain(dim, contrast, b_bar):
     )
     S = ε * (λ / M).sum() / (1 / M).sum()
     strains = (S - λ * ε) / M
-    u = run.motion.nodal(run.displacement)
+    u = run.nodal("displacement")
     np.testing.assert_allclose(u[:, 0], layers.profile(strains), atol=1e-9 * np.abs(strains).max())
     np.testing.assert_allclose(
         u[:, along], ε * layers.grid.space.tabulate_dof_coordinates()[:, along], atol=1e-13
@@ -238,7 +238,7 @@ def test_a_distorted_mesh_of_layers_bears_the_load_as_well():
         np.minimum(y, 1.0) / pressed(soft) + np.maximum(y - 1.0, 0.0) / pressed(stiff)
     )
     np.testing.assert_allclose(
-        run.motion.nodal(run.displacement)[:, 1], expected, atol=1e-9 * LOAD / pressed(soft)
+        run.nodal("displacement")[:, 1], expected, atol=1e-9 * LOAD / pressed(soft)
     )
 
 
@@ -361,7 +361,7 @@ def test_a_law_that_softens_by_its_cell_looks_at_its_own_cells_alone():
     μ, h = law.lame[1], law.softening
     K, soft = law.lame[0] + 2 * μ / 3, 2 * np.sqrt(3) * h * μ / (3 * μ - np.sqrt(3) * h)
     ε = strength(law) / pressed(law) + (load - strength(law)) / (K - 2 / 3 * soft)
-    u = run.motion.nodal(run.displacement)[:, 1].min()
+    u = run.nodal("displacement")[:, 1].min()
     assert u == pytest.approx(-load / pressed(below) - 0.3 * ε, rel=1e-8)
     κ = (2 * μ * ε - np.sqrt(3) * law.peak) / (3 * μ - np.sqrt(3) * h)
     assert 0.0 < h * κ < law.peak - law.residual

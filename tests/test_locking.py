@@ -232,7 +232,7 @@ def block_under_strip(method, ν, b_bar, n=16, m=12):
         run = mpm.FiniteElements(grid, soil, mpm.QuasiStatic(1), terms, b_bar=b_bar)
         run.step()
         gauss, centre = GaussPoints(grid, b_bar), 0.5 * (grid.lattice.lower + grid.lattice.upper)
-        strain = gauss.strain(run.motion.nodal(run.displacement))
+        strain = gauss.strain(run.nodal("displacement"))
         stress = soil.update(strain, np.zeros_like(strain))
         x = (centre[:, None] + (gauss.digit - 0.5) * h / 2).reshape(-1, 2)
     else:

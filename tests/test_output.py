@@ -234,7 +234,7 @@ def test_stress_of_a_linear_displacement_is_exact_on_slanted_cells(dim, tmp_path
     run = FiniteElements(grid, SOIL, QuasiStatic(1), [Fixed(grid.facets("bottom"))])
     gradient = np.random.default_rng(4).uniform(-1e-3, 1e-3, (dim, dim))
     place = grid.space.tabulate_dof_coordinates()[:, :dim]
-    run.motion.nodal(run.displacement)[:] = place @ gradient.T
+    run.nodal("displacement")[:] = place @ gradient.T
     run.record(Snapshots(tmp_path / "slanted"))
     read = meshio.read(tmp_path / "slanted_grid_000000.vtu")
     λ, μ = SOIL.lame

@@ -163,7 +163,7 @@ def pulled(grid, points, mapping):
     if mapping is None:
         run = mpm.FiniteElements(grid, dense.SOIL, mpm.QuasiStatic(1), terms)
         run.step()
-        x, u = grid.space.tabulate_dof_coordinates()[:, :dim], run.motion.nodal(run.displacement)
+        x, u = grid.space.tabulate_dof_coordinates()[:, :dim], run.nodal("displacement")
         stress = run.stress(np.arange(grid.owned_cells))
     else:
         x = points.x.copy()

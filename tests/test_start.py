@@ -169,7 +169,7 @@ def sudden(mapping, cells, start=mpm.InitialAcceleration.BALANCED, stepping=mpm.
         run = mpm.Simulation(grid, body, step, terms, mapping, **options)
     for _ in range(round(0.6 * cells / 0.5)):
         run.step()
-    u = run.motion.nodal(run.displacement)[:, 1] if mapping is None else body.x[:, 1] - y
+    u = run.nodal("displacement")[:, 1] if mapping is None else body.x[:, 1] - y
     near = length - y < 0.25 * length
     exact = -p / (soil.density * c) * (run.time - (length - y) / c)
     return np.linalg.norm((u - exact)[near]) / np.linalg.norm(exact[near])

@@ -333,7 +333,7 @@ def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
     stress, history, before = np.zeros((1, tensors.components(dim))), np.zeros((1, 1)), 0.0
     for _ in range(10):
         run.step()
-        total = run.motion.nodal(run.displacement)[:, up].min() / 2.0
+        total = run.nodal("displacement")[:, up].min() / 2.0
         strain = np.zeros_like(stress)
         strain[0, up] = total - before
         stress, history = law.respond(strain, stress, history)
