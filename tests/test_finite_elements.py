@@ -254,7 +254,7 @@ def test_springs_keep_what_they_bear_however_their_facets_are_named():
     with pytest.raises(ValueError, match=r"part of the facets \('left', 'right'\) springs .* own"):
         run(both, start=half)
     new = run(left, right, start=half)  # the right ones start unstressed, and the left ones go on
-    kept, fresh = (patch._total.x.array for patch in new.scene.patches[1:])
+    kept, fresh = (new.state()[f"surfaces/{n}/total"] for n in (1, 2))
     assert np.array_equal(kept, half.displacement.x.array) and not fresh.any()
     with pytest.warns(UserWarning, match=r"\('right',\) start unstressed, .*\('left',\) is gone"):
         run(right, start=half)

@@ -43,8 +43,7 @@ def run_with(kind, dim, field, rng):
     run = mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(1e-3), [])
     x = grid.space.tabulate_dof_coordinates()[:, :dim]
     if field != "stress":
-        nodal = run.displacement if field == "displacement" else getattr(run.motion, field[0])
-        return run, lambda: run.motion.nodal(nodal).__setitem__(slice(None), f(x)), f
+        return run, lambda: run.nodal(field).__setitem__(slice(None), f(x)), f
     Q, A = rng.normal(size=(dim, dim, dim)), rng.normal(size=(dim, dim))
     Q = Q + Q.transpose(0, 2, 1)
 
