@@ -290,3 +290,27 @@ def test_what_start_takes_over_and_what_not():
     points = mpm.Simulation(grid, body, mpm.Newmark(0.01), [])
     with pytest.raises(ValueError, match=r"start must be a finite element run, got .*Simulation"):
         mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(0.01), push, start=points)
+
+
+@pytest.mark.parametrize("yields", [False, True], ids=["elastic", "von Mises"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_gauss_points_say_where_they_are_and_what_they_bear(dim, yields):
+    """u_x = κ x y is among the elements' functions: ε_xx = κ y and γ_xy = κ x at each place."""
+    grid, κ = dense.uneven(dim), 1e-4
+    law = mpm.VonMises(dense.SOIL, 1e9, 1e9, 0.0) if yields else dense.SOIL
+    run = mpm.FiniteElements(grid, law, mpm.QuasiStatic(1), [mpm.Fixed(grid.facets("bottom"))])
+    run.nodal("increment")[:] = dense.at_nodes(
+        grid, lambda x: κ * x[:, :1] * x[:, 1:2] * np.eye(dim)[0]
+    ).reshape(-1, dim)
+    run.carry()
+    x, found = run.gauss_places(), run.gauss_stress()
+    assert x.shape == (grid.cells * 2**dim, dim)
+    strain = np.zeros_like(found)
+    strain[:, 0], strain[:, 3] = κ * x[:, 1], κ * x[:, 0]
+    expected = dense.SOIL.update(strain, np.zeros_like(strain))
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+    cells = found.reshape(grid.cells, 2**dim, -1)
+    np.testing.assert_allclose(
+        cells.mean(axis=1), run.stress(np.arange(grid.cells)), atol=1e-12 * np.abs(expected).max()
+    )
+    assert run.gauss_history().shape == (len(x), int(yields)) and not run.gauss_history().any()

@@ -332,3 +332,20 @@ def test_self_weight_in_steps_is_the_pressure_of_depth():
     np.testing.assert_allclose(
         body.stress[:, 0], 1 / 3 * body.stress[:, 1], atol=finite_strain * mean.max()
     )
+
+
+def test_the_end_of_a_step_is_what_a_falling_body_has():
+    grid, g = mpm.Grid.box((0, 0), (2, 2), (4, 4)), np.array([3.0, -9.81])
+    body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [mpm.Gravity(tuple(g))])
+    for n in (1, 2):
+        run.step()
+        v, a = run.end_of_step()
+        np.testing.assert_allclose(v, np.tile(n * 1e-3 * g, (grid.nodes, 1)), rtol=1e-9)
+        np.testing.assert_allclose(a, np.tile(g, (grid.nodes, 1)), rtol=1e-9)
+        np.testing.assert_allclose(run.nodal("velocity"), v - 1e-3 * a, atol=1e-12)
+    static = mpm.Simulation(grid, body, mpm.QuasiStatic(1), [mpm.Fixed(grid.facets("bottom"))])
+    with pytest.raises(ValueError, match="end_of_step is of dynamic runs, got QuasiStatic"):
+        static.end_of_step()
+    with pytest.raises(ValueError, match="displacement"):
+        run.nodal("displacement")
