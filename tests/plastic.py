@@ -10,6 +10,7 @@ from dataclasses import replace
 from mpi4py import MPI
 
 import dense
+import inside
 import numpy as np
 import ranks
 
@@ -65,38 +66,15 @@ def static(kind, newton, dim=2, steps=1, size=1.0):
     return run_of(kind, grid, mpm.QuasiStatic(steps), loads(grid, size), solver=solver)
 
 
-def prepared(run):
-    """The run, with everything ready for the solve of its next step."""
-    if run.bodies:
-        run.locate()
-        run.project()
-    run.scene.prepare(run.time, run.next_time)
-    if run.bodies:
-        run.predict()
-    return run
-
-
-def residuals(run) -> list[float]:
-    """A list that every evaluation of the residual's norm will be added to."""
-    found, refresh = [], run.equilibrium.refresh
-
-    def noted(internal):
-        found.append(refresh(internal))
-        return found[-1]
-
-    run.equilibrium.refresh = noted
-    return found
-
-
 # -- several ranks ---------------------------------------------------------------------------------
 
 SEVERAL = ((None, 2), (None, 3), (mpm.GIMP, 2), (mpm.DM_GC, 2), (mpm.DM_GC, 3))
 
 
-def rows_by_place(grid, field) -> dict:
+def rows_by_place(grid, rows) -> dict:
     """Rows of this rank's own cells' Gauss points, in order, by the centre of their cell."""
     centre = 0.5 * (grid.lattice.lower + grid.lattice.upper)
-    rows = field.rows.reshape(grid.cells, -1)
+    rows = rows.reshape(grid.cells, -1)
     return {ranks.key(centre[c]): rows[c].tolist() for c in range(grid.owned_cells)}
 
 
@@ -151,7 +129,7 @@ def plastic_step(kind, dim) -> dict:
         solves.append(run.solves)
     out = {"solves": {"": solves}, "increment": ranks.nodal(grid, run.nodal("increment"))}
     if kind is None:
-        out["stress"] = rows_by_place(grid, run.yielding.stress)
+        out["stress"] = rows_by_place(grid, inside.response(run, anew=False).stress)
     else:
         out["points"] = {
             str(n): [*x, *(1e-6 * s), 10 * k]
@@ -159,7 +137,8 @@ def plastic_step(kind, dim) -> dict:
                 number, body.x.tolist(), body.stress, body.history[:, 0], strict=True
             )
         }
-        out["tangent"] = rows_by_place(grid, run.yielding.tangent) if kind is mpm.DM_GC else {}
+        if kind is mpm.DM_GC:
+            out["tangent"] = rows_by_place(grid, inside.response(run, anew=False).tangent)
     return out
 
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import dense
+import inside
 import numpy as np
 import pytest
 from dense import SOFT, SOIL
@@ -47,18 +48,15 @@ def test_the_correction_is_what_the_force_lacks_over_the_lumped_mass(dim, mappin
     for run in (plain, balanced):
         run.step()
     before = dense.random_body(plain.grid, np.random.default_rng(1), lambda x: x[0] < 0.8)
-    stencil, (body,) = plain.stencils[0], plain.bodies
-    mass, ΔF = np.zeros((plain.grid.nodes, 1)), np.zeros((plain.grid.nodes, dim))
-    stencil.deposit(before.mass[:, None], mass)
+    (S, slope), (body,) = inside.shape_functions(plain), plain.bodies
+    mass = S.T @ before.mass[:, None]
     change = tensors.matrix(body.stress - before.stress, dim)
-    stencil.deposit_divergence(before.volume[:, None, None] * change, ΔF)
-    foreseen = dense.vector(plain.grid.space, plain.contributions[0].work).reshape(-1, dim)
-    lack = np.divide(foreseen - ΔF, mass, out=np.zeros_like(ΔF), where=mass > 0) / stepping.inertia
+    ΔF = np.einsum("p,pij,pkj->ki", before.volume, change, slope)
+    lack = inside.foreseen_force(plain) - ΔF
+    lack = np.divide(lack, mass, out=np.zeros_like(ΔF), where=mass > 0) / stepping.inertia
     for name, by in (("acceleration", 1.0), ("velocity", stepping.gamma * stepping.dt)):
         found = getattr(balanced.bodies[0], name) - getattr(body, name)
-        np.testing.assert_allclose(
-            found, by * stencil.at_points(lack), rtol=0, atol=1e-9 * np.abs(found).max()
-        )
+        np.testing.assert_allclose(found, by * S @ lack, rtol=0, atol=1e-9 * np.abs(found).max())
         assert np.abs(found).max() > 0.0
     assert np.array_equal(balanced.bodies[0].x, body.x)
 
@@ -79,40 +77,24 @@ def test_the_implicit_correction_solves_with_the_matrix_of_the_step(dim, mapping
     before = dense.random_body(plain.grid, np.random.default_rng(1), lambda x: x[0] < 0.8)
     for run in (plain, corrected):
         run.step()
-    stencil, (body,) = plain.stencils[0], plain.bodies
+    (S, slope), (body,) = inside.shape_functions(plain), plain.bodies
     after = tensors.matrix(body.stress, dim)
     if law is RUBBER:
-        f = (
-            np.eye(dim) + plain._recover(0, plain.nodal("increment"))
-            if mapping is not mpm.DM_GC
-            else None
-        )
-        f = np.eye(dim) + _gradient(plain, before) if f is None else f
+        f = np.eye(dim) + inside.recovered_gradient(plain, before.x)
         after = np.linalg.det(f)[:, None, None] * after @ np.linalg.inv(f).transpose(0, 2, 1)
-    lack = np.zeros((plain.grid.nodes, dim))
-    stencil.deposit_divergence(
-        before.volume[:, None, None] * (tensors.matrix(before.stress, dim) - after), lack
-    )
-    work = plain.contributions[0].work + (plain.yielding.work if plain.yielding else 0)
-    lack += dense.vector(plain.grid.space, work).reshape(-1, dim)
-    if plain.yielding:
-        plain.yielding.add_force(lack.reshape(-1))
-    equilibrium = plain.equilibrium
-    used = ~equilibrium.idle
-    A = dense.dense(equilibrium.matrix)[np.ix_(used, used)]
+    change = tensors.matrix(before.stress, dim) - after
+    lack = np.einsum("p,pij,pkj->ki", before.volume, change, slope)
+    lack += inside.foreseen_force(plain)
+    found = inside.equations(plain)
+    used = ~found.idle
+    A = found.matrix[np.ix_(used, used)]
     change = np.zeros(lack.size)
     change[used] = np.linalg.solve(A, lack.ravel()[used]) / (stepping.beta * stepping.dt**2)
     for name, by in (("acceleration", 1.0), ("velocity", stepping.gamma * stepping.dt)):
         found = getattr(corrected.bodies[0], name) - getattr(body, name)
-        expected = by * stencil.at_points(change.reshape(-1, dim))
+        expected = by * S @ change.reshape(-1, dim)
         np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
     assert np.array_equal(corrected.bodies[0].x, body.x)
-
-
-def _gradient(run, before):
-    """Displacement gradients of the step at the points as they were, from the composite patches of
-    the step."""
-    return run.composites[0].gradient_at_points(before.x, run.cells[0], run.nodal("increment"))
 
 
 @DIMS

@@ -5,6 +5,7 @@ import re
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import mpm_fenicsx
@@ -33,6 +34,15 @@ PARALLEL = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py"}
 WITHOUT_DOLFINX = ("analytical", "common", "materials")
 BEFORE_DOLFINX = {"common.requirements", "common.ranks"}
 """They see that DOLFINx is there, and speak MPI."""
+INNER = (
+    *("motion", "region", "scene", "contributions", "supports", "properties", "update"),
+    *("stencils", "cells", "composites", "deposit", "stress", "correction", "holding", "ties"),
+    *("equilibrium", "yielding", "gauss", "gaps", "runs"),
+)
+"""Attributes of a run that hold its inner objects: what is asked of these is none of a test's
+business, but for ``tests/inside.py``, where each function says why."""
+LOOKS_INSIDE = 60
+ARRAY = set(dir(np.ndarray))
 
 
 def name(path):
@@ -164,3 +174,73 @@ def test_the_reading_of_imports_sees_all_kinds():
     assert {"common.checks"} <= imports("materials.elastic")[0]
     assert "materials.elastic" in imports("materials")[0] and "materials" in imports("")[0]
     assert {"dolfinx", "petsc4py", "mpi4py"} <= imports("solver.equilibrium")[1]
+
+
+# -- tests speak through the public interface ------------------------------------------------------
+
+
+def inner(node, imported):
+    """Whether an expression is an inner object of something that is no module: ``run.motion``,
+    ``runs[0].stencils[0]``."""
+    node = node.value if isinstance(node, ast.Subscript) else node
+    if not isinstance(node, ast.Attribute) or node.attr not in INNER:
+        return False
+    return not (isinstance(node.value, ast.Name) and node.value.id in imported)
+
+
+def chains(source):
+    """Lines and attributes of inner objects that a test's source asks for, those by another name
+    too.  ``body.stress.shape`` is none: attributes of arrays are anybody's; so is what ``bind`` of
+    a term asks of its scene, which docs/how_to/own_boundary.md tells users."""
+    tree, names, found = ast.parse(source), {"self"}, set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            names |= {(alias.asname or alias.name).split(".")[0] for alias in node.names}
+    functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)]
+    terms = {id(n) for f in functions if f.name == "bind" for n in ast.walk(f)}
+    every = [n for n in ast.walk(tree) if isinstance(n, ast.Attribute) and id(n) not in terms]
+    asked = [n for n in every if n.attr not in ARRAY]
+    found |= {(n.lineno, n.col_offset, n.attr) for n in asked if inner(n.value, names)}
+    for function in functions:
+        pairs = []
+        for node in (n for n in ast.walk(function) if isinstance(n, ast.Assign)):
+            for target in node.targets:
+                several = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
+                both = (target.elts, node.value.elts) if several else ([target], [node.value])
+                pairs += zip(*both, strict=True)
+        other = {t.id for t, value in pairs if isinstance(t, ast.Name) and inner(value, names)}
+        for n in (n for n in ast.walk(function) if n in asked):
+            if isinstance(n.value, ast.Name) and n.value.id in other:
+                found.add((n.lineno, n.col_offset, n.attr))
+    return sorted(found)
+
+
+def test_tests_look_inside_in_few_places_each_with_its_reason():
+    """A function of ``inside.py`` counts as one place, like a chain anywhere else."""
+    folder = Path(__file__).parent
+    body = ast.parse((folder / "inside.py").read_text()).body
+    body += [node for kind in body if isinstance(kind, ast.ClassDef) for node in kind.body]
+    functions = [node for node in body if isinstance(node, ast.FunctionDef)]
+    reasons = [function for function in functions if not function.name.startswith("__")]
+    silent = [function.name for function in reasons if not ast.get_docstring(function)]
+    assert not silent, f"say in a line why a test may look there: {silent}"
+    elsewhere = [
+        f"{path.relative_to(folder)}:{line} .{attribute}"
+        for path in sorted(folder.rglob("*.py"))
+        if path.name != "inside.py"
+        for line, _, attribute in chains(path.read_text())
+    ]
+    assert len(elsewhere) + len(reasons) < LOOKS_INSIDE, elsewhere
+
+
+def test_the_reading_of_chains_sees_through_names():
+    def seen(source):
+        return [attribute for _, _, attribute in chains(source)]
+
+    assert seen("run.equilibrium.matrix") == seen("make(1).equilibrium.matrix") == ["matrix"]
+    assert seen("run.stencils[0].nodes.shape") == ["nodes"]
+    assert seen("a.b.motion.region.dS") == ["dS", "region"]
+    assert seen("def f(run):\n    x, m = 1, run.motion\n    return m.u") == ["u"]
+    assert not seen("body.stress.shape, body.stress[0].mean(), run.motion, run.nodal('velocity')")
+    assert not seen("import study\nstudy.cells.of(3)")
+    assert not seen("def bind(self, scene):\n    return scene.motion.u")

@@ -38,22 +38,25 @@ class Clock:
 def a_run(clock):
     """A run whose pieces take 1, 2, 4, … seconds; the recovery is called inside carry, the solver
     inside solve."""
+    stencil = SimpleNamespace(gradient_at_points=clock.work(1))
+    scene, e = SimpleNamespace(prepare=clock.work(2)), SimpleNamespace()
     run = SimpleNamespace(
         bodies=[1],
-        stencils=[SimpleNamespace(gradient_at_points=clock.work(1))],
+        stencils=[stencil],
         composites=[],
         correction=None,
+        scene=scene,
+        equilibrium=e,
     )
-    run.scene = SimpleNamespace(prepare=clock.work(2))
-    e = run.equilibrium = SimpleNamespace(assemble_tangent=clock.work(4), correct=clock.work(8))
+    e.assemble_tangent, e.correct = clock.work(4), clock.work(8)
     e.solve = clock.work(16, lambda: e.assemble_tangent(), lambda: e.correct())
     run.locate, run.project, run.predict = clock.work(32), clock.work(64), clock.work(128)
     run.solve = clock.work(256, lambda: e.solve())
-    run.carry = clock.work(512, lambda: run.stencils[0].gradient_at_points())
+    run.carry = clock.work(512, lambda: stencil.gradient_at_points())
     run.finish = clock.work(1024)
     verbs = ("locate", "project", "predict", "solve", "carry", "finish")
     run.step = clock.work(
-        2048, lambda: run.scene.prepare(), *(lambda v=v: getattr(run, v)() for v in verbs)
+        2048, lambda: scene.prepare(), *(lambda v=v: getattr(run, v)() for v in verbs)
     )
     return run
 

@@ -114,7 +114,7 @@ def test_a_bar_vibrates_with_the_frequency_of_its_mode():
     found = []
     for _ in range(100):
         run.step()
-        found.append(run.motion.nodal(run.displacement)[end, 0])
+        found.append(run.nodal("displacement")[end, 0])
     t = dt * np.arange(1, 101)
     np.testing.assert_allclose(found, np.sin(ω * t) / ω_h, atol=1e-9 / ω_h)
 
@@ -171,7 +171,7 @@ def test_surface_points_on_an_edge_serve_a_finite_element_run(dim):
             ],
         )
         run.until(0.01)
-        assert run.motion.nodal(run.displacement)[:, 1].max() > 0.01
+        assert run.nodal("displacement")[:, 1].max() > 0.01
         found.append(run.displacement.x.array)
     np.testing.assert_allclose(found[1], found[0], atol=1e-11 * np.abs(found[0]).max())
 
@@ -219,14 +219,14 @@ def test_springs_go_on_with_what_they_bear(dim, surface):
     for name, value in whole.state().items():
         assert np.array_equal(second.state()[name], value), name
     whole.until(60.0)
-    u = whole.motion.nodal(whole.displacement)[:, -1]
+    u = whole.nodal("displacement")[:, -1]
     sunk = -500.0 * 20.0 / (2 * SPRINGY.lame[1])  # -6.25e-4 m; without memory it sinks twice
     assert u.max() == pytest.approx(sunk, rel=1e-4)  # it hardly trembles any more
     again = whole.terms[-1].on if surface == "points" else fresh()
     rest = mpm.FiniteElements(grid, SPRINGY, DAMPED, on_springs(grid, again), start=whole)
     energy = rest.record(mpm.Energy())
     rest.until(20.0)
-    now = rest.motion.nodal(rest.displacement)[:, -1]
+    now = rest.nodal("displacement")[:, -1]
     np.testing.assert_allclose(now, u, atol=1e-4 * abs(sunk))
     assert np.abs(energy.lost).max() < 1e-9 * 500.0 * abs(sunk)
 
@@ -254,7 +254,7 @@ def test_springs_keep_what_they_bear_however_their_facets_are_named():
     with pytest.raises(ValueError, match=r"part of the facets \('left', 'right'\) springs .* own"):
         run(both, start=half)
     new = run(left, right, start=half)  # the right ones start unstressed, and the left ones go on
-    kept, fresh = (patch._total.x.array for patch in new.scene.patches[1:])
+    kept, fresh = (new.state()[f"surfaces/{n}/total"] for n in (1, 2))
     assert np.array_equal(kept, half.displacement.x.array) and not fresh.any()
     with pytest.warns(UserWarning, match=r"\('right',\) start unstressed, .*\('left',\) is gone"):
         run(right, start=half)
@@ -279,14 +279,38 @@ def test_what_start_takes_over_and_what_not():
         assert np.array_equal(now, before)
     second.until(0.1)
     base = grid.space.tabulate_dof_coordinates()[:, 1] < 1e-9
-    np.testing.assert_allclose(second.motion.nodal(second.displacement)[base], 2e-4, rtol=1e-9)
+    np.testing.assert_allclose(second.nodal("displacement")[base], 2e-4, rtol=1e-9)
     still = [push[1], mpm.Fixed(grid.facets("bottom"))]
     static = mpm.FiniteElements(grid, dense.SOIL, mpm.QuasiStatic(1), still, start=second)
     static.step()
-    np.testing.assert_allclose(static.motion.nodal(static.displacement)[base], 2e-4, rtol=1e-9)
+    np.testing.assert_allclose(static.nodal("displacement")[base], 2e-4, rtol=1e-9)
     moving = mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(0.01), push, start=static)
     assert not moving.nodal("velocity").ravel().any()
     body = mpm.MaterialPoints.fill(grid, dense.SOIL, 4)
     points = mpm.Simulation(grid, body, mpm.Newmark(0.01), [])
     with pytest.raises(ValueError, match=r"start must be a finite element run, got .*Simulation"):
         mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(0.01), push, start=points)
+
+
+@pytest.mark.parametrize("yields", [False, True], ids=["elastic", "von Mises"])
+@pytest.mark.parametrize("dim", [2, 3])
+def test_gauss_points_say_where_they_are_and_what_they_bear(dim, yields):
+    """u_x = κ x y is among the elements' functions: ε_xx = κ y and γ_xy = κ x at each place."""
+    grid, κ = dense.uneven(dim), 1e-4
+    law = mpm.VonMises(dense.SOIL, 1e9, 1e9, 0.0) if yields else dense.SOIL
+    run = mpm.FiniteElements(grid, law, mpm.QuasiStatic(1), [mpm.Fixed(grid.facets("bottom"))])
+    run.nodal("increment")[:] = dense.at_nodes(
+        grid, lambda x: κ * x[:, :1] * x[:, 1:2] * np.eye(dim)[0]
+    ).reshape(-1, dim)
+    run.carry()
+    x, found = run.gauss_places(), run.gauss_stress()
+    assert x.shape == (grid.cells * 2**dim, dim)
+    strain = np.zeros_like(found)
+    strain[:, 0], strain[:, 3] = κ * x[:, 1], κ * x[:, 0]
+    expected = dense.SOIL.update(strain, np.zeros_like(strain))
+    np.testing.assert_allclose(found, expected, atol=1e-12 * np.abs(expected).max())
+    cells = found.reshape(grid.cells, 2**dim, -1)
+    np.testing.assert_allclose(
+        cells.mean(axis=1), run.stress(np.arange(grid.cells)), atol=1e-12 * np.abs(expected).max()
+    )
+    assert run.gauss_history().shape == (len(x), int(yields)) and not run.gauss_history().any()

@@ -4,6 +4,7 @@ others are."""
 from dataclasses import replace
 
 import dense
+import inside
 import numpy as np
 import pytest
 
@@ -33,27 +34,19 @@ def block(dim, cut, mapping, stepping, terms=CURE, n=3):
 def ready(run):
     """The run, at the start of its first step."""
     run.prepare(0.0, run.stepping.dt)
-    run.equilibrium.assemble_tangent()
     return run
 
 
-def force(run, u, v=None, a=None):
-    """Nodal forces (nodes, dim) of the penalty."""
-    motion = run.motion
-    for f, values in (
-        (motion.u, u),
-        *(((motion.v, v), (motion.a, a)) if run.stepping.dynamic else ()),
-    ):
-        motion.nodal(f)[:] = values
-    return dense.vector(run.grid.space, run.contributions[-1].work).reshape(u.shape)
+def matrix(run):
+    """K at the start of its first step."""
+    return inside.equations(ready(run), assemble=True).matrix
 
 
-def condition(run):
-    """Condition number of the matrix with unit diagonal, rows of idle nodes left out."""
-    real = ~run.equilibrium.idle
-    A = dense.dense(run.equilibrium.matrix)[np.ix_(real, real)]
-    value = np.linalg.eigvalsh(A / np.sqrt(np.outer(A.diagonal(), A.diagonal())))
-    return value[-1] / value[0]
+def force(run, *motion):
+    """Nodal forces (nodes, dim) of the penalty; ``motion``: u and in dynamics v and a."""
+    for name, values in zip(("increment", "velocity", "acceleration"), motion, strict=False):
+        run.nodal(name)[:] = values
+    return inside.force_of(run, -1)
 
 
 # -- what it does not touch ------------------------------------------------------------------------
@@ -101,11 +94,9 @@ def test_a_body_in_free_flight_stays_as_it_is(dim, mapping):
 
 
 def test_where_cells_are_full_and_in_finite_elements_there_is_nothing():
-    whole, bare = (ready(block(2, 0.0, mpm.DM_GC, mpm.Newmark(DT), terms)) for terms in (CURE, []))
-    assert np.array_equal(
-        dense.dense(whole.equilibrium.matrix), dense.dense(bare.equilibrium.matrix)
-    )
-    assert bare.motion.region.dS is None
+    whole, bare = (block(2, 0.0, mpm.DM_GC, mpm.Newmark(DT), terms) for terms in (CURE, []))
+    assert np.array_equal(matrix(whole), matrix(bare))
+    assert not inside.bill(bare).facets_between_cells
     grid, found = dense.uneven(2), []
     for terms in ([], CURE):
         run = mpm.FiniteElements(
@@ -115,7 +106,7 @@ def test_where_cells_are_full_and_in_finite_elements_there_is_nothing():
             [mpm.Fixed(grid.facets("bottom")), mpm.Gravity((0.0, -9.81)), *terms],
         )
         run.step()
-        assert run.motion.region.dS is None
+        assert not inside.bill(run).facets_between_cells
         found.append(run.displacement.x.array.copy())
     assert np.array_equal(*found) and np.abs(found[0]).max() > 0.0
 
@@ -144,7 +135,7 @@ def test_it_is_the_sum_over_facets_by_hand(dim, mapping, dynamic):
     body.x += cut * (body.x > 0.5)
     stepping, K, G = mpm.Newmark(DT) if dynamic else mpm.QuasiStatic(1), 0.07, 0.2
     matrices = [
-        dense.dense(ready(mpm.Simulation(grid, body, stepping, terms, mapping)).equilibrium.matrix)
+        matrix(mpm.Simulation(grid, body, stepping, terms, mapping))
         for terms in ([mpm.GhostPenalty(K, G)], [])
     ]
     factor = stepping.acceleration[0] if dynamic else 0.0
@@ -184,10 +175,9 @@ def test_the_matrix_of_a_moving_body_is_that_of_a_new_run(dim):
     for _ in range(4):
         run.step()
     fresh = mpm.Simulation(run.grid, body, run.stepping, CURE, mpm.DM_GC)
-    ready(run), ready(fresh)
-    A, B = (r.equilibrium.matrix for r in (run, fresh))
-    used = ~fresh.equilibrium.idle
-    A, B = dense.dense(A)[np.ix_(used, used)], dense.dense(B)[np.ix_(used, used)]
+    moved, exact = (inside.equations(ready(r), assemble=True) for r in (run, fresh))
+    used = np.ix_(~exact.idle, ~exact.idle)
+    A, B = moved.matrix[used], exact.matrix[used]
     assert np.abs(A - B).max() < 1e-14 * np.abs(B).max()
 
 
@@ -201,11 +191,11 @@ def test_small_corners_stay_with_the_body(mapping, courant):
     mass or so."""
     for cut in (1e-2, 1e-4, 1e-6, 1e-8):
         run = ready(block(2, cut, mapping, mpm.Newmark(courant * H / SOIL.p_speed)))
-        assert condition(run) < 40
+        assert inside.condition(run) < 40
         run.bodies[0].stress[:, :2] = STRESS
         run.predict()
         run.solve()
-        assert np.abs(run.motion.end()[1]).max() < 10 * STRESS / (SOIL.density * H)
+        assert np.abs(run.end_of_step()[1]).max() < 10 * STRESS / (SOIL.density * H)
 
 
 def test_without_it_gimp_loses_them():
@@ -213,7 +203,7 @@ def test_without_it_gimp_loses_them():
     run.bodies[0].stress[:, :2] = STRESS
     run.predict()
     run.solve()
-    assert np.abs(run.motion.end()[1]).max() > 1e5 * STRESS / (SOIL.density * H)
+    assert np.abs(run.end_of_step()[1]).max() > 1e5 * STRESS / (SOIL.density * H)
 
 
 def test_nodes_that_only_a_dashpot_reaches_stay_with_the_body():

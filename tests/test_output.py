@@ -123,12 +123,10 @@ def test_grid_keeps_its_place_and_carries_the_end_of_the_step(dim, tmp_path):
     assert np.array_equal(read.points[:, :dim], run.grid.space.tabulate_dof_coordinates()[:, :dim])
     np.testing.assert_allclose(volume(read, dim), 0.5**dim, rtol=1e-12)
     assert len(read.cells_dict[CELL[dim]]) == 4 * 2 ** (dim - 1)
-    motion = run.motion
-    assert np.array_equal(
-        read.point_data["displacement_increment"][:, :dim], motion.nodal(motion.u)
-    )
-    assert np.array_equal(read.point_data["velocity"][:, :dim], motion.end()[0])
-    assert np.abs(motion.end()[0]).max() > 0
+    increment, velocity = run.nodal("increment"), run.end_of_step()[0]
+    assert np.array_equal(read.point_data["displacement_increment"][:, :dim], increment)
+    assert np.array_equal(read.point_data["velocity"][:, :dim], velocity)
+    assert np.abs(velocity).max() > 0
 
 
 def test_what_a_scene_has_not_is_not_written(tmp_path):
@@ -208,9 +206,9 @@ def test_finite_elements_show_total_displacement_velocity_and_stress(dim, tmp_pa
     run = fe(dim)
     run.record(Snapshots(tmp_path / "twin"))
     run.until(3e-3)
-    read, motion = meshio.read(tmp_path / "twin_grid_000003.vtu"), run.motion
-    assert np.array_equal(read.point_data["displacement"][:, :dim], motion.nodal(run.displacement))
-    assert np.array_equal(read.point_data["velocity"][:, :dim], motion.nodal(motion.v))
+    read = meshio.read(tmp_path / "twin_grid_000003.vtu")
+    for name in ("displacement", "velocity"):
+        assert np.array_equal(read.point_data[name][:, :dim], run.nodal(name))
     assert np.array_equal(
         read.cell_data["stress"][0][:, : tensors.components(dim)],
         run.stress(np.arange(run.grid.owned_cells)),
@@ -234,7 +232,7 @@ def test_stress_of_a_linear_displacement_is_exact_on_slanted_cells(dim, tmp_path
     run = FiniteElements(grid, SOIL, QuasiStatic(1), [Fixed(grid.facets("bottom"))])
     gradient = np.random.default_rng(4).uniform(-1e-3, 1e-3, (dim, dim))
     place = grid.space.tabulate_dof_coordinates()[:, :dim]
-    run.motion.nodal(run.displacement)[:] = place @ gradient.T
+    run.nodal("displacement")[:] = place @ gradient.T
     run.record(Snapshots(tmp_path / "slanted"))
     read = meshio.read(tmp_path / "slanted_grid_000000.vtu")
     λ, μ = SOIL.lame

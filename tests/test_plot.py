@@ -168,7 +168,7 @@ def test_finite_elements_show_their_cells(dim):
     np.testing.assert_allclose(upper - lower, 0.5, rtol=1e-12)
     _, q = shown(plot(run, "von_mises"))
     assert np.isin(q, tensors.von_mises(stress)).all()
-    run.motion.nodal(run.displacement)[:] = run.grid.space.tabulate_dof_coordinates()[:, :dim]
+    run.nodal("displacement")[:] = run.grid.space.tabulate_dof_coordinates()[:, :dim]
     _, u = shown(plot(run, "displacement", "y"))
     np.testing.assert_allclose(u, 0.5 * (lower + upper)[:, 1], rtol=1e-12)  # linear: the centre's
 

@@ -43,8 +43,7 @@ def run_with(kind, dim, field, rng):
     run = mpm.FiniteElements(grid, dense.SOIL, mpm.Newmark(1e-3), [])
     x = grid.space.tabulate_dof_coordinates()[:, :dim]
     if field != "stress":
-        nodal = run.displacement if field == "displacement" else getattr(run.motion, field[0])
-        return run, lambda: run.motion.nodal(nodal).__setitem__(slice(None), f(x)), f
+        return run, lambda: run.nodal(field).__setitem__(slice(None), f(x)), f
     Q, A = rng.normal(size=(dim, dim, dim)), rng.normal(size=(dim, dim))
     Q = Q + Q.transpose(0, 2, 1)
 
@@ -54,7 +53,7 @@ def run_with(kind, dim, field, rng):
         )
 
     def bend():
-        run.motion.nodal(run.displacement)[:] = x @ A.T + 0.5 * np.einsum("ijk,nj,nk->ni", Q, x, x)
+        run.nodal("displacement")[:] = x @ A.T + 0.5 * np.einsum("ijk,nj,nk->ni", Q, x, x)
 
     return run, bend, stress
 
@@ -103,16 +102,14 @@ def test_probes_on_columns_and_flat_cells(cells):
     """Along what the samples span a linear field is exact; across it, a constant."""
     grid = mpm.Grid.box((0, 0), (10, 1), cells)
     run = mpm.FiniteElements(grid, dense.SOIL, mpm.QuasiStatic(1), [])
-    run.motion.nodal(run.displacement)[:] = dense.at_nodes(grid, lambda x: 1.0 + 2 * x).reshape(
-        -1, 2
-    )
+    run.nodal("displacement")[:] = dense.at_nodes(grid, lambda x: 1.0 + 2 * x).reshape(-1, 2)
     for at in ((3.3, 0.5), (0.0, 0.0), (9.9, 0.013), (5.0, 1.0)):
         stress = run.record(mpm.Probe("stress", at)).values[0]
         np.testing.assert_allclose(stress, run.stress(np.array([0]))[0], rtol=1e-9, atol=1e-3)
         probe = run.record(mpm.Probe("displacement", at))
-        run.motion.nodal(run.displacement)[:] *= 2.0
+        run.nodal("displacement")[:] *= 2.0
         probe(run)
-        run.motion.nodal(run.displacement)[:] *= 0.5
+        run.nodal("displacement")[:] *= 0.5
         np.testing.assert_allclose(probe.values[1], 1.0 + 2 * np.array(at), rtol=1e-9)
 
 

@@ -3,7 +3,7 @@ refusals."""
 
 from dataclasses import replace
 
-import dense
+import inside
 import numpy as np
 import pytest
 import scipy.linalg
@@ -38,16 +38,6 @@ def slide(dim, mapping, reuse, speed=3.0, size=6, extra=()):
     )
 
 
-def matrix_of(run):
-    """The step's matrix as it is, and anew of the same fields."""
-    equilibrium = run.equilibrium
-    found = dense.dense(equilibrium.matrix)
-    A = dolfinx_versions.create_matrix(equilibrium._tangent, "aij")
-    dolfinx_versions.assemble_matrix(A, equilibrium._tangent, equilibrium.bcs)
-    A.assemble()
-    return found, dense.dense(A)
-
-
 @pytest.mark.parametrize(
     "dim, mapping, steps",
     [
@@ -65,16 +55,15 @@ def test_the_matrix_is_that_of_the_kept_fields_while_a_body_crosses_cells(dim, m
     parts = anew = 0
     for _ in range(steps):
         run.step()
-        found, wanted = matrix_of(run)
-        used = ~(run.equilibrium.idle | run.equilibrium.ties.tied)
-        assert (
-            used.any()
-            and (np.diag(wanted)[run.equilibrium.idle] <= 1e-20 * np.diag(wanted).max()).all()
-        )
+        found, wanted = inside.kept_matrix(run)
+        idle = inside.equations(run).idle
+        used = ~(idle | np.repeat(inside.tied(run), dim))
+        assert used.any() and (np.diag(wanted)[idle] <= 1e-20 * np.diag(wanted).max()).all()
         size = np.sqrt(np.diag(wanted)[used])
         difference = np.abs(found - wanted)[np.ix_(used, used)] / np.outer(size, size)
         assert difference.max() < 1e-6
-        few = len(run.equilibrium.update.cells) < len(run.motion.region.cells)
+        changed, full = inside.assembled(run)
+        few = changed < full
         parts, anew = parts + few, anew + (not few)
     assert parts > anew
 
@@ -98,19 +87,15 @@ def test_the_kept_matrix_bounds_the_true_one(dim, mapping, limit):
         run.step()
         run.prepare(run.time, run.next_time)
         run.predict()
-        run.equilibrium.assemble_tangent()
+        lagged = inside.equations(run, assemble=True)
         true = slide(dim, mapping, 0.0, size=size)
-        for name, value in true.bodies[0].state().items():
-            value[...] = getattr(run.bodies[0], name)
-        for theirs, ours in zip(true.scene.patches, run.scene.patches, strict=True):
-            for name, value in theirs.state().items():
-                value[...] = ours.state()[name]
+        for name, value in true.state().items():
+            if name.startswith(("bodies/", "surfaces/")):
+                value[...] = run.state()[name]
         true.prepare(run.time, run.next_time)
-        true.equilibrium.assemble_tangent()
-        used = ~(run.equilibrium.idle | true.equilibrium.idle)
-        kept, exact_one = (
-            dense.dense(r.equilibrium.matrix)[np.ix_(used, used)] for r in (run, true)
-        )
+        exact = inside.equations(true, assemble=True)
+        used = ~(lagged.idle | exact.idle)
+        kept, exact_one = (found.matrix[np.ix_(used, used)] for found in (lagged, exact))
         scale = 1.0 / np.sqrt(np.diag(exact_one))
         kept, exact_one = (scale[:, None] * A * scale for A in (kept, exact_one))
         ratio = scipy.linalg.eigh(exact_one, kept, eigvals_only=True)
@@ -164,22 +149,14 @@ def test_a_body_at_rest_is_assembled_once():
     )
     for step in range(4):
         still.step()
-        assert len(still.equilibrium.update.cells) == (
-            len(still.motion.region.cells) if step == 0 else 0
-        )
+        changed, full = inside.assembled(still)
+        assert changed == (full if step == 0 else 0)
 
 
 def test_a_run_that_does_not_name_it_does_not_pay_for_it():
     run = slide(2, mpm.DM_GC, 0.0)
-    assert run.equilibrium.update is None
-    assert all(
-        f is g
-        for f, g in zip(
-            run.properties.fields,
-            [f for p in run.properties.projections for f in p.fields],
-            strict=True,
-        )
-    )
+    assert inside.assembled(run) is None
+    assert not inside.bill(run).fields_kept_apart
     assert not any(name.startswith("properties") for name in run.state())
 
 

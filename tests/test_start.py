@@ -3,9 +3,9 @@ step that changes."""
 
 from dataclasses import replace
 
+import inside
 import numpy as np
 import pytest
-from dolfinx import fem
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.grid import dolfinx_versions
@@ -116,9 +116,7 @@ def test_finite_elements_take_a_sudden_load_whole(dim):
     for _ in range(10):
         run.step()
     for d in range(dim):
-        momentum = dolfinx_versions.assemble_scalar(
-            dolfinx_versions.compile_form(SOIL.density * run.motion.v[d] * grid.dx)
-        )
+        momentum = inside.times_mass(run, run.nodal("velocity"))[:, d].sum()
         way = dolfinx_versions.assemble_scalar(
             dolfinx_versions.compile_form(run.displacement[d] * grid.dx)
         )
@@ -169,7 +167,7 @@ def sudden(mapping, cells, start=mpm.InitialAcceleration.BALANCED, stepping=mpm.
         run = mpm.Simulation(grid, body, step, terms, mapping, **options)
     for _ in range(round(0.6 * cells / 0.5)):
         run.step()
-    u = run.motion.nodal(run.displacement)[:, 1] if mapping is None else body.x[:, 1] - y
+    u = run.nodal("displacement")[:, 1] if mapping is None else body.x[:, 1] - y
     near = length - y < 0.25 * length
     exact = -p / (soil.density * c) * (run.time - (length - y) / c)
     return np.linalg.norm((u - exact)[near]) / np.linalg.norm(exact[near])
@@ -301,14 +299,13 @@ def test_a_base_has_the_motion_that_it_is_given(given, stepping):
     }[given]
     for _ in range(40):
         run.step()
-        t, found = run.time, (run.displacement, run.motion.v, run.motion.a)
+        t = run.time
+        found = [run.nodal(name) for name in ("displacement", "velocity", "acceleration")]
         sizes = SIZE, SIZE * OMEGA, SIZE * OMEGA**2
         for field, exact, size, allowed in zip(
             found, (u_of, v_of, a_of), sizes, known, strict=True
         ):
-            assert np.abs(run.motion.nodal(field)[base, 1] - exact(t)).max() < allowed * size * max(
-                1.0, OMEGA * t
-            )
+            assert np.abs(field[base, 1] - exact(t)).max() < allowed * size * max(1.0, OMEGA * t)
 
 
 @WITH_DOMAINS
@@ -518,7 +515,7 @@ def test_the_papers_step_is_a_preset():
     run.step()
     assert np.abs(body.velocity[:, 1] / (-9.81 * run.time) - 0.5).max() < 1e-9
     assert run.correction_kind is mpm.AccelerationCorrection.OFF and run.correction is None
-    assert run.deposit.sweeps == 0 and run.supports is None
+    assert "sweeps: 0" in str(run) and run.supports is None
 
 
 def test_the_initial_acceleration_is_that_of_the_mass_matrix():
@@ -535,18 +532,11 @@ def test_the_initial_acceleration_is_that_of_the_mass_matrix():
         ],
     )
     run.begin()
-    a = fem.Function(grid.space)
-    a.x.array[:] = run.nodal("acceleration").ravel()
-    scene, w = run.scene, run.motion.w
-    left = (
-        sum(c.force for c in run.contributions if c.force)
-        + SOIL.density * (a[0] * w[0] + a[1] * w[1]) * scene.dx
-    )
-    residual = fem.Function(grid.space)
-    dolfinx_versions.assemble_vector(residual, dolfinx_versions.compile_form(left))
-    free = ~run.equilibrium.fixed
-    assert np.abs(residual.x.array[free]).max() < 1e-9 * 1e3
-    assert np.abs(a.x.array[~free]).max() == 0.0
+    a = run.nodal("acceleration")
+    residual = inside.loads(run) + inside.times_mass(run, a)
+    free = ~inside.equations(run).fixed.reshape(-1, 2)
+    assert np.abs(residual[free]).max() < 1e-9 * 1e3
+    assert np.abs(a[~free]).max() == 0.0
 
 
 @pytest.mark.parametrize("radius", [0.5, 0.8])

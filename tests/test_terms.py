@@ -1,9 +1,9 @@
 """Boundaries and loads against hand sums; facets and surface points say the same."""
 
 import dense
+import inside
 import numpy as np
 import pytest
-import ufl
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.grid import dolfinx_versions
@@ -23,12 +23,7 @@ def system(grid, term, rng=None, start=0.3):
     scene = dense.bare_scene(grid, STEPPING)
     work = scene.bind([term])[-1].work
     scene.prepare(start, start + DT)
-    motion = scene.motion
-    if rng is not None:
-        for f in (motion.u, motion.v, motion.a):
-            f.x.array[:] = rng.normal(size=len(f.x.array))
-    R = dense.vector(grid.space, work)
-    derivative = ufl.derivative(work, motion.u, ufl.TrialFunction(grid.space))
+    R, derivative = inside.term_system(scene, work, rng)
     K = None if isinstance(term, mpm.Traction) else dense.matrix(derivative)
     return R, K, scene
 
@@ -99,10 +94,10 @@ def test_springs_of_facets_and_surface_points_remember_alike(dim, rng):
         work = scene.bind([mpm.ViscoelasticBoundary(on, dense.SOFT, 3.0)])[-1].work
         for u in increments:
             scene.prepare(0.0, DT)
-            scene.motion.u.x.array[:] = u
+            inside.displaced(scene, u)
             scene.carry()
         scene.prepare(0.0, DT)
-        scene.motion.clear()
+        inside.displaced(scene)
         found.append(dense.vector(grid.space, work))
     same(found[1], found[0], 1e-10)
 
@@ -135,9 +130,8 @@ def test_a_uniform_velocity_meets_the_impedances(dim, rng):
         work = scene.bind([mpm.ViscousBoundary(on, dense.SOFT)])[-1].work
         scene.prepare(0.0, DT)
         for v, speed in ((n, dense.SOFT.p_speed), (across, dense.SOFT.s_speed)):
-            scene.motion.nodal(scene.motion.u)[:] = (
-                v * DT / 2
-            )  # from rest, so that v is the velocity at the end
+            # from rest, so that v is the velocity at the end
+            inside.displaced(scene)[:] = v * DT / 2
             traction = -dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0) / on.area[0]
             np.testing.assert_allclose(
                 traction, -dense.SOFT.density * speed * v, rtol=1e-11, atol=1e-9
@@ -310,19 +304,15 @@ def test_a_body_force_of_place_is_the_sum_over_the_points(dim, rng):
         return t * (x @ LINEAR[:dim, :dim] + 0.3)
 
     run = mpm.Simulation(grid, body, STEPPING, [mpm.Gravity(force)], mpm.MPM)
-    done = run.contributions[-1].energy()["work"]
-    run.locate()
-    run.project()
-    run.scene.prepare(0.3, 0.3 + DT)
-    motion, N = run.motion, dense.hats(grid, body.x)
-    motion.u.x.array[:] = rng.normal(size=len(motion.u.x.array))
-    R = dense.vector(grid.space, run.contributions[-1].work)
-    same(-R, np.einsum("p,pi,pd->id", body.mass, N, force(0.3 + DT, body.x)).ravel())
+    done = run.term_energies()["work"]
+    inside.prepared(run, 0.3, 0.3 + DT)
+    u, N = run.nodal("increment"), dense.hats(grid, body.x)
+    u[:] = rng.normal(size=u.shape)
+    R = inside.force_of(run, -1)
+    same(-R, np.einsum("p,pi,pd->id", body.mass, N, force(0.3 + DT, body.x)))
     work = dolfinx_versions.assemble_scalar(dolfinx_versions.compile_form(done))
     mean = 0.5 * (force(0.3, body.x) + force(0.3 + DT, body.x))
-    assert work == pytest.approx(
-        np.einsum("p,pd,pd->", body.mass, mean, N @ motion.nodal(motion.u)), rel=1e-12
-    )
+    assert work == pytest.approx(np.einsum("p,pd,pd->", body.mass, mean, N @ u), rel=1e-12)
 
 
 @pytest.mark.parametrize("dim", [2, 3])

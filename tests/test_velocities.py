@@ -4,12 +4,13 @@ transfers."""
 from dataclasses import replace
 
 import dense
+import inside
 import numpy as np
 import plastic
 import pytest
 
 import mpm_fenicsx as mpm
-from mpm_fenicsx.grid import dolfinx_versions, weak_forms
+from mpm_fenicsx.grid import dolfinx_versions
 from mpm_fenicsx.mapping.projection import AT_POINTS, DOUBLE_MAPPED
 
 DIMS = pytest.mark.parametrize("dim", [2, 3])
@@ -23,12 +24,13 @@ PAPER = [
 
 def deposited(run):
     """Nodal velocity and acceleration before the step, of nodes with mass."""
-    plastic.prepared(run)
-    motion = run.motion
-    nodal = np.zeros((run.grid.nodes, 1))
-    for body, stencil in zip(run.bodies, run.stencils, strict=True):
-        stencil.deposit(body.mass[:, None], nodal)
-    return motion.nodal(motion.v), motion.nodal(motion.a), nodal[:, 0]
+    inside.prepared(run)
+    return run.nodal("velocity"), run.nodal("acceleration"), summed(run, lambda body: body.mass)
+
+
+def summed(run, values):
+    """Σ_p S_ip q_p of ``values(body)`` over all bodies."""
+    return sum(inside.shape_functions(run, n)[0].T @ values(b) for n, b in enumerate(run.bodies))
 
 
 def scene(dim, mapping, sweeps, rng):
@@ -73,8 +75,7 @@ def test_sweeps_leave_the_momentum_and_summed_mass_gives_that_of_the_points(dim,
     for sweeps in (0, 1, 3):
         run = scene(dim, mapping, sweeps, np.random.default_rng(1))
         deposited(run)
-        work = weak_forms.inertia(run.scene.density, run.motion.v, run.motion.w) * run.scene.dx
-        found.append(dense.vector(run.grid.space, work).reshape(-1, dim).sum(axis=0))
+        found.append(inside.times_mass(run, run.nodal("velocity")).sum(axis=0))
     at_points = sum(body.mass @ body.velocity for body in run.bodies)
     scale = sum(body.mass @ np.abs(body.velocity) for body in run.bodies).max()
     np.testing.assert_allclose(found[1:], [found[0]] * 2, atol=1e-10 * scale)
@@ -90,8 +91,7 @@ def test_double_mapped_mass_gives_the_momentum_of_the_points_where_the_grid_is_f
     body.velocity = rng.normal(size=body.x.shape)
     run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], mapping)
     deposited(run)
-    work = weak_forms.inertia(run.scene.density, run.motion.v, run.motion.w) * run.scene.dx
-    on_grid = dense.vector(grid.space, work).reshape(-1, dim).sum(axis=0)
+    on_grid = inside.times_mass(run, run.nodal("velocity")).sum(axis=0)
     np.testing.assert_allclose(on_grid, body.mass @ body.velocity, atol=1e-10 * body.mass.sum())
 
 
@@ -99,9 +99,7 @@ def test_double_mapped_mass_gives_the_momentum_of_the_points_where_the_grid_is_f
 def test_without_sweeps_it_is_momentum_by_mass(mapping):
     run = scene(2, mapping, 0, np.random.default_rng(2))
     v, a, mass = deposited(run)
-    sums = np.zeros((run.grid.nodes, 4))
-    for body, stencil in zip(run.bodies, run.stencils, strict=True):
-        stencil.deposit(body.mass[:, None] * np.hstack((body.velocity, body.acceleration)), sums)
+    sums = summed(run, lambda b: b.mass[:, None] * np.hstack((b.velocity, b.acceleration)))
     there = mass > 0.0
     np.testing.assert_allclose(
         np.hstack((v, a))[there], sums[there] / mass[there, None], rtol=1e-12
@@ -137,7 +135,7 @@ def roundtrip(mapping, sweeps, jitter):
     wave = np.cos(2 * np.pi / 8 * grid.space.tabulate_dof_coordinates()[:, :1]) * np.array(
         [[1.0, 0.0]]
     )
-    body.velocity[:] = run.stencils[0].at_points(wave)
+    body.velocity[:] = inside.shape_functions(run)[0] @ wave
     return np.abs(deposited(run)[0] - wave).max()
 
 

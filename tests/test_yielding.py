@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import dense
+import inside
 import numpy as np
 import plastic
 import pytest
@@ -14,6 +15,7 @@ from test_ranks import difference, environment, mpiexec
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
+from mpm_fenicsx.grid.gauss_points import GaussPoints
 
 DIMS = pytest.mark.parametrize("dim", [2, 3])
 
@@ -61,8 +63,8 @@ def weights_by_hand(grid, body, support):
 
 def pairs(run):
     """Weights of a run's first body by point, cell and digit."""
-    point, gauss, weight = run.yielding._pairs[0]
-    n, digit = 2**run.grid.dim, run.yielding.gauss.digit
+    point, gauss, weight = inside.gauss_weights(run)
+    n, digit = 2**run.grid.dim, GaussPoints(run.grid).digit
     return {
         (p, g // n, tuple(digit[g // n, g % n])): w
         for p, g, w in zip(point, gauss, weight, strict=True)
@@ -76,13 +78,13 @@ def test_weights_are_the_double_mapping(dim, mapping):
     body = dense.random_body(
         grid, np.random.default_rng(0), material=LAW, inside=lambda x: x[0] + x[1] < 1.2
     )
-    run = plastic.prepared(mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], mapping))
+    run = inside.prepared(mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], mapping))
     found, exact = pairs(run), weights_by_hand(grid, body, mapping.support)
     assert set(found) <= set(exact)
     for key, w in exact.items():
         assert found.get(key, 0.0) == pytest.approx(w, rel=1e-12, abs=1e-14)
-    volume = run.yielding.gauss.volume
-    point, gauss, weight = run.yielding._pairs[0]
+    volume = GaussPoints(grid).volume
+    point, gauss, weight = inside.gauss_weights(run)
     each = np.bincount(point, weight * volume[gauss], minlength=len(body))
     np.testing.assert_allclose(
         each, body.volume, rtol=1e-12
@@ -101,12 +103,12 @@ def test_uniform_points_that_fill_the_grid_answer_like_the_law_at_the_gauss_poin
     state, history = np.zeros((1, tensors.components(dim))), np.zeros((1, 1))
     plastic.unrest(rng, state, history)
     body.stress[:], body.history[:] = state, history
-    points = plastic.prepared(mpm.Simulation(grid, body, mpm.QuasiStatic(1), [], mpm.DM_GC))
+    points = inside.prepared(mpm.Simulation(grid, body, mpm.QuasiStatic(1), [], mpm.DM_GC))
     twin = mpm.FiniteElements(grid, LAW, mpm.QuasiStatic(1), [])
     u = 1e-3 * rng.normal(size=len(points.nodal("increment").ravel()))
     points.nodal("increment").ravel()[:] = u
-    points.yielding.evaluate()
-    strain = twin.yielding.gauss.strain(u.reshape(-1, dim))
+    found = inside.response(points)
+    strain = GaussPoints(grid).strain(u.reshape(-1, dim))
     many = len(strain)
     law = LAW.tangent(strain, np.tile(state, (many, 1)), np.tile(history, (many, 1)))
     plane = tensors.in_plane(dim)
@@ -114,15 +116,13 @@ def test_uniform_points_that_fill_the_grid_answer_like_the_law_at_the_gauss_poin
     i, j = np.triu_indices(len(plane))
     soft = (law[2] - ELASTIC.tangent(strain, 0 * strain, None)[2])[:, plane[i], plane[j]]
     assert (law[1] > history[0, 0]).mean() > 0.3
-    np.testing.assert_allclose(
-        points.yielding.stress.rows, beyond, atol=1e-12 * np.abs(beyond).max()
-    )
-    np.testing.assert_allclose(points.yielding.tangent.rows, soft, atol=1e-12 * np.abs(soft).max())
+    np.testing.assert_allclose(found.stress, beyond, atol=1e-12 * np.abs(beyond).max())
+    np.testing.assert_allclose(found.tangent, soft, atol=1e-12 * np.abs(soft).max())
     twin.nodal("increment").ravel()[:] = u
-    twin.yielding.state[:], twin.yielding.history[:] = state, history
-    twin.yielding._elastic[:] = state
-    twin.yielding.evaluate()
-    np.testing.assert_allclose(twin.yielding.stress.rows, beyond, atol=1e-12 * np.abs(beyond).max())
+    for what, value in (("stress", state), ("history", history), ("elastic", state)):
+        twin.state()[f"yielding/{what}"][:] = value
+    answer = inside.response(twin).stress
+    np.testing.assert_allclose(answer, beyond, atol=1e-12 * np.abs(beyond).max())
 
 
 @pytest.mark.parametrize("mapping", [mpm.DM_G, mpm.DM_GC, mpm.DM], ids=str)
@@ -141,7 +141,7 @@ def test_the_first_plastic_step_of_a_full_grid_is_that_of_finite_elements(dim, m
             kind, grid, mpm.QuasiStatic(1), plastic.loads(grid), body, solver=EXACT
         )
         run.step()
-        assert run.yielding.active
+        assert inside.response(run, anew=False).yields
         assert run.solves > 2
         found.append(run.nodal("increment").ravel().copy())
     np.testing.assert_allclose(found[0], found[1], atol=1e-9 * np.abs(found[1]).max())
@@ -156,10 +156,11 @@ def at_unrest(kind, grid, seed=7, half=1.0):
     rng = np.random.default_rng(seed)
     if kind is None:
         run = mpm.FiniteElements(grid, LAW, mpm.Newmark(0.1), [], solver=mpm.Solver(newton=STIFFLY))
-        plastic.unrest(rng, run.yielding.state, run.yielding.history)
-        run.yielding._elastic[:] = run.yielding.state + 1e3 * rng.normal(
-            size=run.yielding.state.shape
+        stress, history, elastic = (
+            run.state()[f"yielding/{name}"] for name in ("stress", "history", "elastic")
         )
+        plastic.unrest(rng, stress, history)
+        elastic[:] = stress + 1e3 * rng.normal(size=stress.shape)
     else:
         bodies = [
             mpm.MaterialPoints.fill(grid, law, 2**grid.dim, jitter=0.4, seed=seed, inside=inside)
@@ -169,9 +170,9 @@ def at_unrest(kind, grid, seed=7, half=1.0):
         for body in bodies:
             body.half *= half
         run = mpm.Simulation(grid, bodies, mpm.Newmark(0.1), [], kind)
-    plastic.prepared(run)
+    inside.prepared(run)
     run.nodal("increment").ravel()[:] = 4e-4 * rng.normal(size=len(run.nodal("increment").ravel()))
-    assert run.yielding.evaluate()
+    assert inside.response(run).yields
     return run
 
 
@@ -179,45 +180,26 @@ def at_unrest(kind, grid, seed=7, half=1.0):
 @DIMS
 def test_tangent_rows_are_the_derivative_of_stress_rows(dim, kind):
     run = at_unrest(kind, dense.uneven(dim))
-    law, u = run.yielding, run.nodal("increment").ravel()
-    start, tangent = u.copy(), law.tangent.rows.copy()
+    u = run.nodal("increment").ravel()
+    start, tangent = u.copy(), inside.response(run, anew=False).tangent
     way = np.random.default_rng(1).normal(size=len(u))
     rows = []
     for sign in (1, -1):
         u[:] = start + sign * 1e-9 * way
-        law.evaluate()
-        rows.append(law.stress.rows.copy())
+        rows.append(inside.response(run).stress)
     size = len(tensors.in_plane(dim))
     full = np.zeros((len(tangent), size, size))
     i, j = np.triu_indices(size)
     full[:, i, j] = full[:, j, i] = tangent
-    exact = np.einsum(
-        "gij,gj->gi", full, law.gauss.strain(way.reshape(-1, dim))[:, tensors.in_plane(dim)]
-    )
+    strain = GaussPoints(run.grid).strain(way.reshape(-1, dim))
+    exact = np.einsum("gij,gj->gi", full, strain[:, tensors.in_plane(dim)])
     np.testing.assert_allclose((rows[0] - rows[1]) / 2e-9, exact, atol=1e-5 * np.abs(exact).max())
 
 
 def plastic_part_of_the_matrix(run):
     """What yielding adds to K: from the matrix, and from differences of the residual."""
-    eq, u = run.equilibrium, run.nodal("increment").ravel()
-    start, found = u.copy(), []
-    for law in (True, False):
-        u[:] = start
-        run.yielding.evaluate() if law else run.yielding.clear()
-        eq.assemble_tangent()
-        assert not eq.idle.any()
-        found.append(dense.dense(eq.matrix))
-    K, columns, step = found[0], [], 1e-9
-    for j in range(len(u)):
-        sides = []
-        for sign in (1, -1):
-            u[:] = start
-            u[j] += sign * step
-            run.yielding.evaluate()
-            eq.refresh(None)
-            sides.append(eq.force.x.array.copy())
-        columns.append((sides[1] - sides[0]) / (2 * step))
-    return K - found[1], np.array(columns).T - found[1]
+    K, elastic = (inside.tangent(run, plastic) for plastic in (True, False))
+    return K - elastic, inside.differences(run, 1e-9) - elastic
 
 
 def mismatch(run):
@@ -270,7 +252,7 @@ def test_far_below_yield_it_is_the_elastic_scene(kind):
         found.append(run)
     elastic, law = found
     assert elastic.yielding is None
-    assert not law.yielding.active
+    assert not inside.response(law, anew=False).yields
     if kind is None:
         np.testing.assert_allclose(
             law.displacement.x.array, elastic.displacement.x.array, rtol=1e-12, atol=0
@@ -295,9 +277,9 @@ def test_far_below_yield_it_is_the_elastic_scene(kind):
 @pytest.mark.parametrize("kind", [None, mpm.MPM, mpm.DM_G, mpm.DM_GC], ids=name)
 def test_newton_converges_quadratically(kind):
     run = plastic.static(kind, STIFFLY)
-    norms = plastic.residuals(run)
+    norms = inside.residuals(run)
     run.step()
-    assert run.yielding.active
+    assert inside.response(run, anew=False).yields
     norms = np.array(norms[1:])  # after the first solve
     norms = norms[norms > 1e-10 * norms[0]]
     assert len(norms) >= 4
@@ -333,7 +315,7 @@ def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
     stress, history, before = np.zeros((1, tensors.components(dim))), np.zeros((1, 1)), 0.0
     for _ in range(10):
         run.step()
-        total = run.motion.nodal(run.displacement)[:, up].min() / 2.0
+        total = run.nodal("displacement")[:, up].min() / 2.0
         strain = np.zeros_like(stress)
         strain[0, up] = total - before
         stress, history = law.respond(strain, stress, history)
@@ -341,8 +323,8 @@ def test_an_element_that_is_pressed_and_held_sideways_follows_the_law(dim):
         assert stress[0, up] == pytest.approx(
             load[up] * np.sin(np.pi * run.time), rel=1e-9, abs=1e-4
         )
-        np.testing.assert_allclose(run.yielding.state, np.tile(stress, (2**dim, 1)), atol=1e-4)
-        np.testing.assert_allclose(run.yielding.history, history[0, 0], atol=1e-13)
+        np.testing.assert_allclose(run.gauss_stress(), np.tile(stress, (2**dim, 1)), atol=1e-4)
+        np.testing.assert_allclose(run.gauss_history(), history[0, 0], atol=1e-13)
     assert history[0, 0] > (law.peak - law.residual) / law.softening
 
 
@@ -360,7 +342,7 @@ def test_simple_shear_of_a_block_is_the_same_in_finite_elements_and_at_points(di
     for step in range(40):
         γ = 1.5e-3 if step < 30 else -1.5e-3
         for run in (points, twin):
-            plastic.prepared(run)
+            inside.prepared(run)
             run.nodal("increment").ravel()[:] = dense.at_nodes(
                 grid, lambda x, γ=γ: γ * x[:, [1]] * np.eye(dim)[0]
             )
@@ -372,8 +354,8 @@ def test_simple_shear_of_a_block_is_the_same_in_finite_elements_and_at_points(di
             body.stress, np.tile(stress, (len(body), 1)), atol=1e-8 * LAW.peak
         )
         np.testing.assert_allclose(
-            twin.yielding.state,
-            np.tile(stress, (len(twin.yielding.gauss), 1)),
+            twin.gauss_stress(),
+            np.tile(stress, (len(twin.gauss_stress()), 1)),
             atol=1e-8 * LAW.peak,
         )
         np.testing.assert_allclose(body.history, history[0, 0], atol=1e-12)

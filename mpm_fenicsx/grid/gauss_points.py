@@ -47,7 +47,8 @@ class GaussPoints:
     """2^dim Gauss points a cell, of all local and ghost cells, numbered cell by cell.
 
     ``digit`` (cells, 2^dim, dim): 0 for the lower one along each direction of a rectilinear grid, 1
-    for the upper; ``volume`` (points,), m³: the weight of each in an integral.
+    for the upper; ``x`` (points, dim), m: where they are; ``volume`` (points,), m³: the weight of
+    each in an integral.
     """
 
     def __init__(self, grid: Grid, mean_volume: bool = False):
@@ -69,6 +70,7 @@ class GaussPoints:
             share = self._volumes / self._volumes.sum(axis=1, keepdims=True)
             self._mean = np.einsum("cq,cqki->cki", share, self._slopes)
         place = np.einsum("qk,cki->cqi", values, x)
+        self.x = place.reshape(-1, grid.dim)
         self.digit = (place > x.mean(axis=1)[:, None]).astype(np.int8)
         self._shear = np.array(tensors.SHEAR[grid.dim])
 

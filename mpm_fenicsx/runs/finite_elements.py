@@ -261,7 +261,7 @@ class FiniteElements(Run):
 
     def sampler(self, field: str) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
         """Nodes and their values; for stress the cell centres, where it is most accurate."""
-        grid, motion = self.grid, self.motion
+        grid = self.grid
         if field == "stress":
             corners = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][
                 : grid.owned_cells, :, : grid.dim
@@ -269,14 +269,12 @@ class FiniteElements(Run):
             return corners.mean(axis=1), self.stress
         if field != "displacement" and not self.stepping.dynamic:
             raise ValueError(f"field {field!r} is not part of this scene")
-        known = (
-            {"displacement": self.displacement}
-            if field == "displacement"
-            else {"velocity": motion.v, "acceleration": motion.a}
-        )
-        values = motion.nodal(known[field])
+        values = self.nodal(field)
         owned = grid.space.dofmap.index_map.size_local
         return grid.space.tabulate_dof_coordinates()[:owned, : grid.dim], lambda rows: values[rows]
+
+    def _nodal_fields(self) -> dict[str, fem.Function]:
+        return {**super()._nodal_fields(), "displacement": self.displacement}
 
     def holds(self, at: np.ndarray) -> bool:
         """Whether a place (dim,), m, lies in one of this rank's cells."""
@@ -292,7 +290,7 @@ class FiniteElements(Run):
             ].mean(axis=1)
         slope = (2 * digits(2, grid.dim) - 1) / 2 ** (grid.dim - 1)  # ∂N/∂ξ at the centre
         x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)[cells]][..., : grid.dim]
-        u = self.motion.nodal(self.displacement)[dolfinx_versions.cell_dofs(grid.space)[cells]]
+        u = self.nodal("displacement")[dolfinx_versions.cell_dofs(grid.space)[cells]]
         gradient = np.einsum("cki,kj->cij", u, slope) @ np.linalg.inv(
             np.einsum("cki,kj->cij", x, slope)
         )
@@ -306,19 +304,35 @@ class FiniteElements(Run):
         Each call brings the same field up to date.  Raises ``ValueError`` for a mesh that is not
         rectilinear.
         """
-        field, gauss = self._stress_field
-        if self.yielding is not None:
-            rows = self.yielding.state
-        else:
-            strain = gauss.strain(self.motion.nodal(self.displacement))
-            cells = np.repeat(np.arange(self.grid.cells), gauss.digit.shape[1])
-            rows = self.materials.elastic_stress(cells, strain)
-        field.put(gauss.at_corners(rows))
-        return field
+        self._stress_field.put(self._gauss.at_corners(self.gauss_stress()))
+        return self._stress_field
 
     @cached_property
-    def _stress_field(self) -> tuple[StressField, GaussPoints]:
-        return StressField(self.grid), GaussPoints(self.grid, self.b_bar)
+    def _stress_field(self) -> StressField:
+        return StressField(self.grid)
+
+    @cached_property
+    def _gauss(self) -> GaussPoints:
+        return GaussPoints(self.grid, self.b_bar) if self.yielding is None else self.yielding.gauss
+
+    def gauss_places(self) -> np.ndarray:
+        """Where the Gauss points are at rest (points, dim), m: 2^dim a cell, cell after cell."""
+        return self._gauss.x
+
+    def gauss_stress(self) -> np.ndarray:
+        """Stress rows (points, components), Pa, at the Gauss points."""
+        if self.yielding is not None:
+            return self.yielding.state
+        gauss = self._gauss
+        cells = np.repeat(np.arange(self.grid.cells), gauss.digit.shape[1])
+        return self.materials.elastic_stress(cells, gauss.strain(self.nodal("displacement")))
+
+    def gauss_history(self) -> np.ndarray:
+        """The material's state variables (points, variables) at the Gauss points; of several
+        materials in as many columns as the one with most has.  Elastic ones have none."""
+        if self.yielding is not None:
+            return self.yielding.history
+        return np.zeros((len(self._gauss), 0))
 
     def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """What to show on nodes, displacement and velocity, and in cells, stress at their centres

@@ -447,12 +447,19 @@ class Simulation(Run):
             )
         return found
 
+    def end_of_step(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodal velocity (m/s) and acceleration (m/s²) (nodes, dim) at the end of the last step,
+        of which the points have taken theirs.  Raises ``ValueError`` in statics."""
+        if not self.stepping.dynamic:
+            raise ValueError(f"end_of_step is of dynamic runs, got {self.stepping}")
+        return self.motion.end()
+
     def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
         """What to show on nodes, increment and velocity at the end of the step, and in cells,
         nothing."""
         nodal = {"displacement_increment": self.motion.nodal(self.motion.u)}
         if self.stepping.dynamic:
-            nodal["velocity"] = self.motion.end()[0]
+            nodal["velocity"] = self.end_of_step()[0]
         return nodal, {}
 
     def stress_field(self) -> PointStressField:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
+from dolfinx import fem
 
 from ..common.checks import finite, one_of
 from ..common.errors import OutputError, RunError, SolverError
@@ -168,18 +169,35 @@ class Run(Statics):
 
     def nodal(self, field: str) -> np.ndarray:
         """Nodal values (nodes, dim) that the run works with, to be read or set: "increment" (m) of
-        the last step; in dynamics "velocity" (m/s) and "acceleration" (m/s²) before it or, in a
-        finite element run, after it."""
+        the last step; in dynamics "velocity" (m/s) and "acceleration" (m/s²) before it.  In a
+        finite element run velocity and acceleration are those after it, and "displacement" (m) is
+        that from the configuration at rest."""
+        known = self._nodal_fields()
+        return self.motion.nodal(known[one_of("field", field, known)])
+
+    def _nodal_fields(self) -> dict[str, fem.Function]:
+        """Vector fields on the grid's nodes, by name."""
         motion = self.motion
         known = {"increment": motion.u}
         if self.stepping.dynamic:
             known.update(velocity=motion.v, acceleration=motion.a)
-        return motion.nodal(known[one_of("field", field, known)])
+        return known
 
     @property
     def solves(self) -> int:
         """Linear solves so far."""
         return self.equilibrium.solves
+
+    @property
+    def iterations(self) -> int:
+        """Iterations of the last linear solve."""
+        return self.equilibrium.iterations
+
+    @property
+    def rescues(self) -> int:
+        """How often so far the iterative solver has failed and a factor of the matrix has solved
+        in its place."""
+        return self.equilibrium.rescues
 
     def term_energies(self) -> dict[str, object]:
         """Forms of what terms do to the energy in a step (J), by name."""

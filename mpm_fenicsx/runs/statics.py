@@ -26,10 +26,15 @@ class Statics:
         force out of balance, relative to those at work; in dynamics the latter is what accelerates.
 
         Forces on light nodes count where their ties hand them to (see ``ties``): what a sliver of a
-        cell lacks of balance weighs nothing.  ``equilibrium.strict`` is the same figure with every
+        cell lacks of balance weighs nothing.  ``strict_imbalance`` is the same figure with every
         node on its own.
         """
         raise NotImplementedError
+
+    @property
+    def strict_imbalance(self) -> float:
+        """What was out of balance when ``balance`` was last asked, with every node on its own."""
+        return self.equilibrium.strict
 
     def filled_cells(self) -> np.ndarray:
         """Which cells hold material (cells,), bool."""

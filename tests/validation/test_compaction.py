@@ -51,7 +51,7 @@ def compacted(kind, law, cells):
         run = mpm.FiniteElements(grid, law, mpm.QuasiStatic(STEPS), terms)
         run.until(1.0)
         node = grid.space.tabulate_dof_coordinates()[:, 1]
-        u = run.motion.nodal(run.displacement)[:, 1]
+        u = run.nodal("displacement")[:, 1]
         Y = (np.arange(cells) + 0.5) * h
         line, first = np.unique(node.round(9), return_index=True)
         at_rest = np.argsort(run.sampler("stress")[0][:, 1])

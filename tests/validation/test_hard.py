@@ -125,7 +125,7 @@ def lame_mode(mapping, b_bar, n=10):
     energy, found = run.record(mpm.Energy()), [0.0]
     for _ in range(STEPS):
         run.step()
-        u = run.motion.nodal(run.displacement) if mapping is None else body.x - x
+        u = run.nodal("displacement") if mapping is None else body.x - x
         found.append((u * shape).sum())
     found, t = np.array(found), energy.times
     i = np.flatnonzero(found[1:-1] * found[2:] < 0) + 1

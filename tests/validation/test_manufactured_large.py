@@ -96,7 +96,7 @@ def errors(kind, cells, per_cell=4, size=1.0):
         t = step * dt
         u, σ = displacement(X, t, a), stress(stretch(centre, t, a))
         found = (
-            (run.motion.nodal(run.displacement)[:, 0], run.stress(np.arange(cells))[:, 0])
+            (run.nodal("displacement")[:, 0], run.stress(np.arange(cells))[:, 0])
             if kind is None
             else (body.x[:, 0] - X, body.stress[:, 0])
         )

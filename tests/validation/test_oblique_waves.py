@@ -105,8 +105,8 @@ def sent(mapping, wave, degrees, poisson, courant=0.5, b_bar=False):
         ]
         run = mpm.FiniteElements(grid, soil, stepping, terms, b_bar=b_bar)
         u, _, v, a = packet.at(grid.space.tabulate_dof_coordinates()[:, :2])
-        for f, value in ((run.displacement, u), (run.motion.v, v), (run.motion.a, a)):
-            run.motion.nodal(f)[:] = size * value
+        for name, value in (("displacement", u), ("velocity", v), ("acceleration", a)):
+            run.nodal(name)[:] = size * value
     else:
         grid = mpm.Grid.box((0, -2), (packet.cells, height), (packet.cells, height + 2))
         body = mpm.MaterialPoints.fill(grid, soil, 4, inside=lambda x: x[1] > 0)

@@ -48,9 +48,7 @@ def vibrate(mapping, sweeps, strain, radius=1.0):
     energy, end, found = run.record(mpm.Energy()), np.argmax(x), [0.0]
     for _ in range(STEPS):
         run.step()
-        found.append(
-            body.x[end, 0] - x[end] if mapping else run.motion.nodal(run.displacement)[end, 0]
-        )
+        found.append(body.x[end, 0] - x[end] if mapping else run.nodal("displacement")[end, 0])
     return (
         np.array(found) * OMEGA / v0 / np.sin(BETA * x[end]),
         energy.times,

@@ -116,7 +116,7 @@ def error(kind, cells, **keywords):
     for _ in range(steps):
         run.step()
     u = turned(X, turn(np.hypot(*X.T), T)[0]) - X
-    found = run.motion.nodal(run.displacement) if kind is None else body.x - X
+    found = run.nodal("displacement") if kind is None else body.x - X
     return np.sqrt(((found - u) ** 2).sum() / (u**2).sum())
 
 
