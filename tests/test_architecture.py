@@ -205,7 +205,8 @@ def chains(source):
         pairs = []
         for node in (n for n in ast.walk(function) if isinstance(n, ast.Assign)):
             for target in node.targets:
-                several = isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple)
+                several = all(isinstance(n, ast.Tuple) for n in (target, node.value))
+                several = several and len(target.elts) == len(node.value.elts)
                 both = (target.elts, node.value.elts) if several else ([target], [node.value])
                 pairs += zip(*both, strict=True)
         other = {t.id for t, value in pairs if isinstance(t, ast.Name) and inner(value, names)}
