@@ -54,6 +54,8 @@ def test_soils(values, message):
         (lambda: mpm.Newmark(0.0), r"dt .* got 0"),
         (lambda: mpm.Newmark(-1e-3), r"dt .* got -0\.001"),
         (lambda: mpm.Newmark(NAN), r"dt .* got nan"),
+        (lambda: mpm.Newmark("1e-3"), "^dt must be a number, got '1e-3'$"),
+        (lambda: mpm.QuasiStatic("4"), "^steps must be a number, got '4'$"),
         (lambda: mpm.Newmark(1e-3, beta=0.2), r"beta=0\.2, gamma=0\.5"),
         (lambda: mpm.QuasiStatic(0), r"steps .* got 0"),
         (lambda: mpm.QuasiStatic(2.5), r"steps .* got 2\.5"),
@@ -136,11 +138,33 @@ def test_a_grid_that_is_not_rectilinear_where_points_are_used():
             "inside leaves a body without material points",
         ),
         ({"per_cell": 4, "inside": lambda x: x > 0}, r"inside must map \(dim, n\) to \(n,\)"),
+        (
+            {"per_cell": 4, "inside": lambda x: x[:, 1] < 1},
+            r"gave \(2,\) for n=36; coordinates y are x\[1\]: x\[:, 1\] is one place$",
+        ),
+        (
+            {"per_cell": 4, "inside": lambda x: 1.0 - x[1]},
+            r"^inside must say True or False of each place, as lambda x: x\[1\] < 1 does, gave 0\.",
+        ),
+        ({"per_cell": 4, "inside": lambda x: x[1] / 0.0}, "^inside must say True .* gave inf$"),
+        ({"per_cell": 4, "inside": lambda x: x[1].astype(str)}, "^inside must say True or False"),
+        (
+            {"per_cell": 4, "inside": lambda x: x[1].astype(int) + 2},
+            "^inside must say True or False .* gave 2$",
+        ),
     ],
 )
+@pytest.mark.filterwarnings("ignore:divide by zero")
 def test_bodies(grid, arguments, message):
     with refused(message):
         mpm.MaterialPoints.fill(grid, dense.SOIL, **arguments)
+
+
+def test_places_may_be_chosen_by_zeros_and_ones(grid):
+    chosen = mpm.MaterialPoints.fill(grid, dense.SOIL, 4, lambda x: x[1] < 0.5)
+    for kind in (int, float):
+        same = mpm.MaterialPoints.fill(grid, dense.SOIL, 4, lambda x, k=kind: (x[1] < 0.5) * k(1))
+        assert np.array_equal(same.x, chosen.x) and 0 < len(same) < 36
 
 
 @pytest.mark.parametrize(
@@ -222,6 +246,11 @@ TERMS = [
     (lambda g: mpm.Fixed(mark()), r"Fixed acts on facets of the grid, got SurfacePoints"),
     (lambda g: mpm.Fixed(g.facets("left"), "z"), r"components .* got 'z'"),
     (lambda g: mpm.Fixed(g.facets("left"), "yw"), r"components .* got 'w'"),
+    (
+        lambda g: mpm.Fixed(g.facets("left"), "yxy"),
+        "^components must name each direction once, got 'y' twice in 'yxy'$",
+    ),
+    (lambda g: mpm.Fixed(g.facets("left"), ["x", "x"]), r"once, got 'x' twice in \['x', 'x'\]$"),
     (lambda g: mpm.Fixed(OTHER.facets("left")), r"\('left',\) belong to another grid"),
     (lambda g: mpm.Traction(OTHER.facets("top"), (0.0, 1.0)), r"\('top',\) belong to another grid"),
     (
@@ -353,6 +382,17 @@ KINDS = [
         elements_with(material=mpm.LinearElastic),
         "^material must be an object, got the class LinearElastic itself",
     ),
+    (
+        lambda grid, body: mpm.FiniteElements(grid, body, mpm.Newmark(1e-3), [], mpm.DM_GC),
+        "^finite elements take no mapping, got DM-GC: leave it out$",
+    ),
+    (
+        elements_with(
+            material=[(dense.SOIL, lambda x: x[1] - 0.5), (dense.SOFT, lambda x: x[1] > 0.5)]
+        ),
+        "^where must say True or False of each place, .* gave -0.",
+    ),
+    (lambda grid, body: points_with()(grid, body).until("1"), "^t must be a number, got '1'$"),
     (elements_with(b_bar="yes"), "^b_bar must be True or False, got 'yes'$"),
     (elements_with(start=3), "^start must be a finite element run, got 3$"),
     (
@@ -381,7 +421,7 @@ KINDS = [
     ),
     (
         lambda grid, body: mpm.MaterialPoints(dense.SOIL, [[0.5, 0.5]], None, [1.0]),
-        "^half must have the shape",
+        "^half must be an array of numbers, got None$",
     ),
     (
         lambda grid, body: mpm.MaterialPoints(dense.SOIL, [[0.5, 0.5]], [[0.1, 0.1]], "a"),
@@ -395,6 +435,10 @@ KINDS = [
     (
         lambda grid, body: body.surface("top", where=lambda x: True),
         r"^where must map \(dim, n\) to \(n,\), gave \(\)",
+    ),
+    (
+        lambda grid, body: body.surface("top", where=lambda x: 0.5 - x[0]),
+        "^where must say True or False of each place, .* gave 0.",
     ),
     (
         lambda grid, body: mpm.Contact(body, body),
@@ -417,6 +461,14 @@ KINDS = [
     (
         lambda grid, body: mpm.Grid.box((0, 0), (1, 1), (1, 1), {"a": lambda x: True}),
         r"^facets: 'a' must map .*gave \(\)",
+    ),
+    (
+        lambda grid, body: mpm.Grid.box((0, 0), (1, 1), (2, 2), {"a": lambda x: x[1] - 1.0}),
+        r"^facets: 'a' must say True or False of each place, .* gave -",
+    ),
+    (
+        lambda grid, body: mpm.Grid.box((0, 0), (1, 1), (2, 2), {"a": lambda x: x[:, 1] > 0}),
+        r"^facets: 'a' must map .*gave \(3,\) for n=.*coordinates y are x\[1\]",
     ),
     (
         lambda grid, body: mpm.Grid.box((0, 0), (1, 1), (1, 1), ["a"]),
@@ -449,7 +501,10 @@ def test_what_is_of_another_kind_is_refused_with_a_sentence(grid, body, make, wo
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda: mpm.Mapping("M", True, "points", True), "^integrate must be .*got 'points'$"),
+        (
+            lambda: mpm.Mapping("M", True, "points", True),
+            "^integrate must be mpm_fenicsx.AT_POINTS or mpm_fenicsx.DOUBLE_MAPPED, got 'points'$",
+        ),
         (lambda: replace(mpm.DM_GC, mass="points"), "^mass must be .*got 'points'$"),
         (lambda: replace(mpm.DM_GC, sweeps="two"), "^sweeps .*got 'two'"),
         (lambda: replace(mpm.DM_GC, transfer="flip"), "^transfer must be a function .*got 'flip'$"),
@@ -493,6 +548,16 @@ def test_options_of_a_mapping_and_of_a_solver(make, words):
             lambda on: mpm.Fixed(on, "x", lambda t: (t, t)),
             r"^value of Fixed must be .*one finite number, got array\(\[0",
         ),
+        (
+            lambda on: mpm.Fixed(on, "x", acceleration=lambda t: 1 + 0j),
+            r"^acceleration of Fixed must be .*one finite number, got \(1\+0j\) at t = 0$",
+        ),
+        (lambda on: mpm.Fixed(on, "x", lambda t: "1"), "one finite number, got '1' at t = 0$"),
+        (
+            lambda on: mpm.Traction(on, lambda t: (np.complex128(1j), 0.0)),
+            "^value of Traction must give 2 finite numbers, got .*1j",
+        ),
+        (lambda on: mpm.Traction(on, ("0", "1")), r"2 finite numbers, got \('0', '1'\)$"),
         (
             lambda on: mpm.Fixed(on, "x", lambda t, x: t),
             "^value of Fixed must be a function of time alone",

@@ -493,7 +493,12 @@ def test_a_file_that_is_no_checkpoint_is_refused(spoil, half, tmp_path):
     path = tmp_path / "state.npz"
     path.write_bytes(spoil((half[0] / "FE.npz").read_bytes()))
     run = elements(SOFT)
-    with pytest.raises(OSError, match=r"checkpoint not read: .*state\.npz"):
+    with pytest.raises(OSError, match=r"checkpoint not read: .*state\.npz") as caught:
+        run.restart(path)
+    assert "pickle" not in str(caught.value)
+    with open(path, "wb") as file:
+        np.save(file, np.zeros(3))
+    with pytest.raises(OSError, match=r"it is no checkpoint, .*: give the file that a recorder"):
         run.restart(path)
     np.savez(path, x=np.zeros(3))
     with pytest.raises(OSError, match="it is no checkpoint"):

@@ -2,11 +2,12 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mpm_fenicsx.common.checks import between, finite, one_of, positive, whole
+from mpm_fenicsx.common.checks import array, between, finite, one_of, positive, whole
 
 
 @settings(max_examples=30, deadline=None)
@@ -22,10 +23,18 @@ def test_what_is_not_finite_is_refused_by_name(check, value):
         check("young", value)
 
 
-@pytest.mark.parametrize("value", ["soft", None, [1.0, 2.0]])
+@pytest.mark.parametrize(
+    "value", ["soft", "1", b"1", np.array("1"), np.complex128(1j), None, [1.0, 2.0]]
+)
 def test_what_is_no_number_is_refused_by_name(value):
     with pytest.raises(ValueError, match="young must be a number"):
         finite("young", value)
+
+
+@pytest.mark.parametrize("value", [["1", "2"], [1.0, 1j], np.array([1j]), [[1.0], [1.0, 2.0]]])
+def test_an_array_of_something_else_is_refused_by_name(value):
+    with pytest.raises(ValueError, match="half must be an array of numbers"):
+        array("half", value)
 
 
 @pytest.mark.parametrize("value", [0.0, -0.0, -1e-300])

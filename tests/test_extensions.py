@@ -233,9 +233,25 @@ def asked(make):
             lambda m, dx: mpm.Contribution(m.u[0] ** 3 * m.w[0] * dx),
             "work of Own is not linear in the increment u",
         ),
-        (lambda m, dx: mpm.Contribution(energy={}), "energy of a Contribution must be a function"),
-        (lambda m, dx: mpm.Contribution(before=print), "before .* must be a list of functions"),
-        (lambda m, dx: mpm.Contribution(memory={"x": 1.0}), "memory .* must be arrays .*'x': 1.0"),
+        (lambda m, dx: mpm.Contribution(energy={}), "^terms: energy of Own must be a function"),
+        (lambda m, dx: mpm.Contribution(energy=lambda u: {}), "energy of Own .* without arguments"),
+        (lambda m, dx: mpm.Contribution(before=print), "before of Own must be a list of functions"),
+        (
+            lambda m, dx: mpm.Contribution(before=[lambda: None]),
+            r"^terms: before of Own must be functions .* called as before\(start, end\), got <func",
+        ),
+        (
+            lambda m, dx: mpm.Contribution(after=[lambda run: None]),
+            r"^terms: after of Own must be functions .* called as after\(\), got <function",
+        ),
+        (
+            lambda m, dx: mpm.Contribution(memory=[np.zeros(2)]),
+            r"^terms: memory of Own must be arrays by name, .*got \[array\(",
+        ),
+        (
+            lambda m, dx: mpm.Contribution(memory={"x": 1.0}),
+            "memory of Own must be arrays .*'x': 1.0",
+        ),
     ],
 )
 def test_a_contribution_that_is_none_is_refused_when_the_run_is_built(make, words):
@@ -258,6 +274,56 @@ def test_energy_of_a_term_has_a_name_of_its_own():
     run = asked(lambda m, dx: mpm.Contribution(energy=lambda: {"strain": m.u[0] * m.u[0] * dx}))
     with pytest.raises(ValueError, match="a term names strain, which is of the body itself"):
         run.record(mpm.Energy())
+
+
+@pytest.mark.parametrize(
+    ("energy", "words"),
+    [
+        (
+            lambda m, dx: m.u[0] * m.u[0] * dx,
+            r"^terms: energy of Own must return forms by name, .*",
+        ),
+        (lambda m, dx: {"stored": 3.0}, "^terms: energy 'stored' of Own must be a form, .*got 3.0"),
+        (lambda m, dx: {"stored": 0}, "'stored' of Own must be a form, .*leave out what is zero"),
+        (
+            lambda m, dx: {"stored": m.u[0] * m.w[0] * dx},
+            "^terms: energy 'stored' of Own .* test function w .*: put the increment u in its",
+        ),
+        (lambda m, dx: {"lost": m.u[0] ** 2 * dx}, "energy of Own is named 'lost': give it .*own"),
+        (lambda m, dx: {"left": m.u[0] ** 2 * dx}, "energy of Own is named 'left': give it .*own"),
+        (lambda m, dx: {3: m.u[0] ** 2 * dx}, "energy of Own is named 3: give it .* a text"),
+    ],
+)
+def test_energy_of_a_term_that_is_none_is_refused_when_it_is_asked_for(energy, words):
+    run = asked(lambda m, dx: mpm.Contribution(energy=lambda: energy(m, dx)))
+    with pytest.raises(ValueError, match=words):
+        run.record(mpm.Energy())
+    assert not run.recorders
+
+
+def test_hooks_may_take_more_than_they_are_given():
+    """Partial functions, those with defaults, and those that do not say what they take."""
+    calls = []
+
+    def before(start, end, scale=2.0):
+        calls.append((start, scale * end))
+
+    hooks = {"before": [before, lambda *times: calls.append(times)], "after": [lambda n=1: None]}
+    run = asked(lambda m, dx: mpm.Contribution(**hooks))
+    run.step()
+    assert calls == [(0.0, 2.0), (0.0, 1.0)]
+
+
+@pytest.mark.parametrize("name", ["velocity", "acceleration", "dt"])
+def test_what_motion_lacks_in_statics_is_said_with_the_term_that_asks(name):
+    with pytest.raises(
+        AttributeError, match=rf"^terms: bind of Own: motion\.{name} .*dynamics alone.*steps=1"
+    ):
+        asked(lambda m, dx: mpm.Contribution(getattr(m, name)))
+    with pytest.raises(AttributeError, match="bind of Own: 'Motion' object has no attribute 'vel'"):
+        asked(lambda m, dx: mpm.Contribution(m.vel))
+    with pytest.raises(AttributeError, match=r"^'float' object has no attribute 'real_part'"):
+        asked(lambda m, dx: (1.0).real_part)
 
 
 class InPlace(DruckerPrager):

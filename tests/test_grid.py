@@ -363,3 +363,11 @@ def test_two_ranks_share_the_cells():
         timeout=300,
     )
     assert done.returncode == 0 and done.stdout.count("fine") == 2, done.stdout + done.stderr
+
+
+def test_a_grid_says_how_many_cells_it_has_and_where_it_lies():
+    """On every rank alike, and in what names it."""
+    grid = Grid.box((0, -1), (1, 21.5), cells=(4, 88))
+    assert repr(grid) == "Grid(352 cells in 2D, corners (0, -1) and (1, 21.5) m)"
+    assert f"grid={grid!r}" in repr(grid.facets("left"))
+    assert repr(Grid.box((0, 0, 0), (1, 1, 0.5), (2, 2, 1))).startswith("Grid(4 cells in 3D, ")

@@ -204,3 +204,8 @@ def test_points_by_their_old_name_are_bodies():
     assert run.bodies == [body]
     with pytest.raises(ValueError, match="bodies must be MaterialPoints"):
         mpm.Simulation(grid)
+
+
+def test_a_mapping_prints_on_one_line():
+    text = repr(mpm.DM_GC)
+    assert "\n" not in text and "integrate=Gauss points" in text and "mass=points" in text

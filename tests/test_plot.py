@@ -173,9 +173,48 @@ def test_finite_elements_show_their_cells(dim):
     np.testing.assert_allclose(u, 0.5 * (lower + upper)[:, 1], rtol=1e-12)  # linear: the centre's
 
 
+@pytest.mark.parametrize("dim", (2, 3))
+@pytest.mark.parametrize("make", (mpm, fe), ids=("points", "elements"))
+def test_stress_on_the_grid_is_that_at_the_centres_of_filled_cells(make, dim):
+    run = make(dim)
+    run.until(2e-3)
+    stress = run.stress_field()
+    plane = {} if dim == 2 else {"plane": ("z", 0.3)}
+    for what, field, component, exact in (
+        (stress, "stress", "yy", lambda s: s[:, 1]),
+        (run, "grid_stress", "yy", lambda s: s[:, 1]),
+        (stress, "mean_stress", None, tensors.mean),
+        (stress, "von_mises", None, tensors.von_mises),
+    ):
+        ax = plot(what, field, component, **plane)
+        shapes, values = shown(ax)
+        lower, upper = ends(shapes)
+        centre = 0.5 * (lower + upper)
+        if dim == 3:
+            centre = np.column_stack((centre, np.full(len(centre), 0.25)))
+        there = stress.at(centre)
+        np.testing.assert_allclose(values, exact(there), rtol=1e-12, atol=1e-12)
+        assert np.isfinite(values).all() and np.ptp(values) > 0
+        np.testing.assert_allclose(upper - lower, 0.5, rtol=1e-12)
+        where = ", z = 0.3 m" if dim == 3 else ""
+        name = "DM-GC" if make is mpm else "FE"
+        assert ax.get_title() == (f"{name}, t = 0.002 s{where}" if what is run else where[2:])
+    assert bar_label(plot(run, "grid_stress", "xy", **plane)) == (
+        "stress on the grid xy, Pa (tension positive)"
+    )
+
+
+def test_stress_on_the_grid_leaves_empty_cells_out():
+    run = regular(box(2))
+    filled = run.stress_field().filled
+    assert len(shown(plot(run, "grid_stress", "yy"))[1]) == filled.sum() < len(filled)
+
+
 def test_what_is_unknown_is_refused_with_what_there_is(tmp_path):
     run, solid = moving(), moving(3)
-    names = "half, volume, stress, velocity, seat, mean_stress, von_mises, density, body"
+    names = (
+        "half, volume, stress, velocity, seat, mean_stress, von_mises, density, body, grid_stress"
+    )
     for call, words in (
         (lambda: plot(run, "pressure"), f"field must be one of {names}, got 'pressure'"),
         (lambda: plot(run, 3), "field must be one of .*got 3"),
@@ -193,6 +232,11 @@ def test_what_is_unknown_is_refused_with_what_there_is(tmp_path):
         (lambda: plot(solid, "von_mises", plane=("z", "up")), "place of plane .*'up'"),
         (lambda: plot(solid, "von_mises", plane=2), "plane must be an axis and a place.*2"),
         (lambda: plot(run.grid, "stress"), "plot needs material points.*Grid"),
+        (
+            lambda: plot(run.stress_field(), "velocity"),
+            "field must be one of stress, mean_stress, von_mises, got 'velocity'",
+        ),
+        (lambda: plot(run, "grid_stress"), "component of grid_stress must be one of xx, yy.*None"),
         (lambda: plot([], "stress"), r"plot needs material points.*\[\]"),
         (lambda: plot([run.bodies[0], solid.bodies[0]], "volume"), "all be in 2D or all in 3D"),
         (lambda: plot(run, "volume", save=tmp_path / ".."), "path must end in a name"),
@@ -234,6 +278,10 @@ def draw_on_ranks(folder):
     if ax is not None:
         _, values = shown(ax)
         assert len(values) == 16 and np.isclose(values.sum(), 1.0)
+    ax = plot(run, "grid_stress", "yy")
+    assert (ax is None) == (MPI.COMM_WORLD.rank > 0)
+    if ax is not None:
+        assert len(shown(ax)[1]) == 4
     try:
         plot(run, "pressure")
     except ValueError as error:

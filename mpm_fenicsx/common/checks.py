@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
@@ -12,7 +12,7 @@ def finite(name: str, value: float) -> float:
     """Return ``value`` as a float, or raise ``ValueError`` naming it if it is not a finite
     number."""
     try:
-        number = float(value)
+        number = float(_of_numbers(value))
     except (TypeError, ValueError):
         raise ValueError(f"{name} must be a number, got {value!r}") from None
     if not math.isfinite(number):
@@ -81,10 +81,49 @@ def several(name: str, value, such_as: str) -> list:
 def array(name: str, value) -> np.ndarray:
     """Return ``value`` as a new array of floats, or raise ``ValueError`` naming it if it is
     none."""
+    found = numbers(value)
+    if found is None:
+        raise ValueError(f"{name} must be an array of numbers, got {value!r}")
+    return found
+
+
+def numbers(value) -> np.ndarray | None:
+    """An array of floats, a copy, or None for what is none: text and complex numbers are not."""
     try:
-        return np.array(value, float, order="C")
+        return None if value is None else np.array(_of_numbers(value), float, order="C")
     except (TypeError, ValueError):
-        raise ValueError(f"{name} must be an array of numbers, got {value!r}") from None
+        return None
+
+
+def _of_numbers(value):
+    """``value``, or ``TypeError`` for what NumPy would make numbers of, and is text or complex."""
+    if not isinstance(value, float | int) and np.asarray(value).dtype.kind in "SUc":
+        raise TypeError
+    return value
+
+
+def chosen(name: str, function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Which of the places x (dim, n) a function of x chooses, bool (n,), or raise ``ValueError``
+    naming it if that is not what it says."""
+    if not callable(function):
+        raise ValueError(f"{name} must be a function of x (dim, n), got {in_short(function)}")
+    answer, (dim, n) = np.asarray(function(x)), x.shape
+    if answer.shape != (n,):
+        one_place = (
+            "; coordinates y are x[1]: x[:, 1] is one place" if answer.shape == (dim,) else ""
+        )
+        raise ValueError(
+            f"{name} must map (dim, n) to (n,), gave {answer.shape} for n={n}{one_place}"
+        )
+    if answer.dtype.kind != "b":
+        numeric = answer.dtype.kind in "iuf"
+        wrong = answer[(answer != 0) & (answer != 1)] if numeric else answer
+        if len(wrong):
+            raise ValueError(
+                f"{name} must say True or False of each place, as lambda x: x[1] < 1 does, gave "
+                f"{wrong[0]!s}"
+            )
+    return answer.astype(bool)
 
 
 def increasing(name: str, value: Sequence[float]) -> np.ndarray:

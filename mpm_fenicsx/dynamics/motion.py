@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import NoReturn
 
 import numpy as np
 import ufl
@@ -18,6 +19,9 @@ from .time_stepping import Newmark, QuasiStatic
 VANISHING = 1e-16
 """Of the step: its square is so small that stiffness is nothing beside inertia, up to Courant
 numbers of 1e3."""
+
+
+IN_DYNAMICS = ("velocity", "acceleration", "v", "a", "dt")
 
 
 class KnownMotion:
@@ -62,6 +66,17 @@ class Motion:
             self.velocity, self.acceleration = (
                 sum(c[i] * f for i, f in enumerate(fields)) for c in self._factors
             )
+
+    def __getattr__(self, name: str) -> NoReturn:
+        """Raises ``AttributeError``, which says so where it is statics that lack the name."""
+        message = f"{type(self).__name__!r} object has no attribute {name!r}"
+        if name in IN_DYNAMICS and "stepping" in vars(self):
+            message = (
+                f"motion.{name} is there in dynamics alone, and the run steps with "
+                f"{self.stepping}: step with Newmark, or let the term ask motion.stepping.dynamic "
+                "first"
+            )
+        raise AttributeError(message, name=name, obj=self)
 
     def use(self, stepping: Newmark | QuasiStatic) -> None:
         """Take the factors of another time step."""

@@ -13,7 +13,7 @@ import numpy as np
 import ufl
 from dolfinx import mesh as dmesh
 
-from ..common.checks import an_object, finite, increasing, one_of, several, whole
+from ..common.checks import an_object, chosen, finite, increasing, one_of, several, whole
 from ..common.compiled import digits
 from ..common.files import failing_together
 from ..common.ranks import together
@@ -64,6 +64,14 @@ class Grid:
         self.owned_cells, self.cells = cells.size_local, cells.size_local + cells.num_ghosts
         self.nodes = self.space.dofmap.index_map.size_local + self.space.dofmap.index_map.num_ghosts
         self._mark(_locators(facets or {}))
+
+    def __repr__(self) -> str:
+        cells = self.mesh.topology.index_map(self.dim).size_global
+        lower, upper = (
+            f"({', '.join(f'{a:.6g}' for a in corner)})"
+            for corner in (self.lower_corner, self.upper_corner)
+        )
+        return f"Grid({cells} cells in {self.dim}D, corners {lower} and {upper} m)"
 
     # -- making one --------------------------------------------------------------------------------
 
@@ -189,7 +197,8 @@ class Grid:
         count = np.zeros(len(mask), dtype=np.int64)
         self._bits = {}
         for bit, (name, locate) in enumerate({**sets, **named}.items()):
-            found = dmesh.locate_entities_boundary(mesh, dim - 1, locate)
+            with together(self.comm):
+                found = dmesh.locate_entities_boundary(mesh, dim - 1, locate)
             if name in named and not self.comm.allreduce(len(found)):
                 raise ValueError(f"facets: the set {name!r} is empty")
             mask[found] |= 1 << bit
@@ -400,16 +409,6 @@ def _locators(facets: Mapping[str, Locator]) -> dict[str, Locator]:
     def named(name: str, locate: Locator) -> Locator:
         if not callable(locate):
             raise ValueError(f"facets: {name!r} must be a function of x (dim, n), got {locate!r}")
-
-        def answer(x: np.ndarray) -> np.ndarray:
-            found = np.asarray(locate(x))
-            if found.shape != x.shape[1:]:
-                raise ValueError(
-                    f"facets: {name!r} must map x (dim, n) to bool (n,), gave {found.shape} for "
-                    f"n={x.shape[1]}"
-                )
-            return found.astype(bool)
-
-        return answer
+        return lambda x: chosen(f"facets: {name!r}", locate, x)
 
     return {str(name): named(name, locate) for name, locate in facets.items()}

@@ -72,7 +72,7 @@ class Mapping:
                 name,
                 getattr(self, name),
                 Integration,
-                "AT_POINTS or DOUBLE_MAPPED of mpm_fenicsx.mapping.projection",
+                "mpm_fenicsx.AT_POINTS or mpm_fenicsx.DOUBLE_MAPPED",
             )
         if self.linear and not self.support:
             raise ValueError(

@@ -24,7 +24,7 @@ FEW = 4
 cleared that hold some."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Integration:
     """Where the integrals of mass and stiffness are taken.
 
@@ -36,6 +36,9 @@ class Integration:
     degree: int
     dual: np.ndarray
     quadrature: int
+
+    def __repr__(self) -> str:
+        return self.name
 
     @property
     def nodal(self) -> np.ndarray:

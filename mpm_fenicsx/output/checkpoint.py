@@ -18,6 +18,10 @@ from ..common.checks import in_short, whole
 from ..common.files import complete, failing_together, named
 from ..common.ranks import anywhere, together
 
+NO_CHECKPOINT = (
+    "it is no checkpoint, or not a whole one: give the file that a recorder Checkpoint wrote"
+)
+
 
 class Checkpoint:
     """Recorder that keeps the state of the run after every ``every`` steps, for
@@ -121,9 +125,12 @@ def restart(run, path: str | os.PathLike) -> None:
 
 def _read(path: Path) -> tuple[int, list[dict[str, np.ndarray]]]:
     """Steps done, and the arrays of each rank."""
+    with open(path, "rb") as file:
+        if not zipfile.is_zipfile(file):
+            raise ValueError(NO_CHECKPOINT)
     with np.load(path, allow_pickle=False) as file:
         if "steps" not in file or "ranks" not in file:
-            raise ValueError("it is no checkpoint")
+            raise ValueError(NO_CHECKPOINT)
         arrays = dict(file)
     return int(arrays["steps"]), [_below(f"{k}/", arrays) for k in range(int(arrays["ranks"]))]
 

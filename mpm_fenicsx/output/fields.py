@@ -13,6 +13,7 @@ import numpy as np
 from ..common import tensors
 from ..common.compiled import digits
 from ..grid import dolfinx_versions
+from ..grid.stress_field import StressField
 
 _RING = {2: [0, 1, 3, 2], 3: [0, 1, 3, 2, 4, 5, 7, 6]}  # tensor order to VTK's
 _MIRROR = {2: [0, 2, 1, 3], 3: [0, 2, 1, 3, 4, 6, 5, 7]}  # first two reference axes exchanged
@@ -44,16 +45,16 @@ def whole_fields(run) -> list[dict[str, np.ndarray]]:
     return [_together(ranks) for ranks in gathered]
 
 
-def whole_stress(run) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]] | None:
+def whole_stress(field: StressField) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]] | None:
     """Corners (n, dim), cells (cells, 2^dim) in VTK's order, and the stress on the grid there, of
     cells that hold material, each with corners of its own, for the field jumps; on the first
     rank."""
-    field, lattice, dim = run.stress_field(), run.grid.lattice, run.grid.dim
-    filled = np.flatnonzero(field.filled[: run.grid.owned_cells])
+    grid, lattice, dim = field.grid, field.grid.lattice, field.grid.dim
+    filled = np.flatnonzero(field.filled[: grid.owned_cells])
     lower, upper = (bound[filled, None] for bound in (lattice.lower, lattice.upper))
     corners = np.where(digits(2, dim), upper, lower).reshape(-1, dim)
-    rows = field.values[filled].reshape(len(corners), -1)
-    ranks = _gather(run.grid.comm, {"x": corners, "stress": rows})
+    rows = field.values[filled].reshape(len(corners), tensors.components(dim))
+    ranks = _gather(grid.comm, {"x": corners, "stress": rows})
     if ranks is None:
         return None
     found = _together(ranks)

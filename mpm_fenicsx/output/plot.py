@@ -14,10 +14,13 @@ from ..common import tensors
 from ..common.checks import finite, in_short, one_of
 from ..common.files import failing_together, named
 from ..common.ranks import together
-from .fields import whole_cloud, whole_fields, whole_grid
+from ..grid.stress_field import StressField
+from .fields import whole_cloud, whole_fields, whole_grid, whole_stress
+from .recorders import ON_THE_GRID
 
 QUANTITIES = {
     "stress": ("stress", "Pa"),
+    ON_THE_GRID: ("stress on the grid", "Pa"),
     "mean_stress": ("mean stress", "Pa"),
     "von_mises": ("von Mises stress", "Pa"),
     "velocity": ("velocity", "m/s"),
@@ -29,7 +32,7 @@ QUANTITIES = {
 }
 """What fields are called beside the colours, and their units; others go by their own names."""
 
-_TENSION_POSITIVE = {"stress", "mean_stress"}
+_TENSION_POSITIVE = {"stress", ON_THE_GRID, "mean_stress"}
 _ROWS = {2: ("xx", "yy", "zz", "xy"), 3: ("xx", "yy", "zz", "xy", "yz", "xz")}
 _IN_PLANE = {"x": "zy", "y": "xz", "z": "xy"}
 """Axes of the picture across and upwards, by the normal of the plane; y is upwards where it can."""
@@ -37,11 +40,13 @@ _IN_PLANE = {"x": "zy", "y": "xz", "z": "xy"}
 
 class View(NamedTuple):
     """What there is to see: ``corners`` (n, 4, 2) of the shapes in 2D, or their ``lower`` and
-    ``upper`` ends (n, 2, 3) in 3D, m; fields (n, …) by name."""
+    ``upper`` ends (n, 2, 3) in 3D, m; fields (n, …) by name, and names of fields that are to be
+    seen elsewhere."""
 
     dim: int
     shapes: np.ndarray
     fields: dict[str, np.ndarray]
+    elsewhere: tuple[str, ...] = ()
 
 
 def plot(
@@ -55,9 +60,11 @@ def plot(
 ):
     """Draw a field in colours, and return matplotlib's ``Axes``.
 
-    ``what``: material points, a list of such bodies, or a run.  Points are drawn as their support
-    domains.  Of a finite element run the cells of the mesh are drawn, not displaced, with nodal
-    fields as the means of their corners.  ``field``: a name as in ``Snapshots``; bodies that do not
+    ``what``: material points, a list of such bodies, a run, or its ``stress_field()``.  Points are
+    drawn as their support domains.  Of a finite element run the cells of the mesh are drawn, not
+    displaced, with nodal fields as the means of their corners.  Of the stress on the grid the cells
+    that hold material are drawn, with "stress", "mean_stress" or "von_mises" at their centres; of a
+    run that stress is "grid_stress".  ``field``: a name as in ``Snapshots``; bodies that do not
     carry it are grey.  ``component``: "x", "y", "z" of a vector, of which none is the magnitude;
     "xx", "yy", "zz", "xy", … of a stress (tension positive); else the number of a column.
     In 3D the picture is a cut by a ``plane``, such as ("y", 2.0) for y = 2 m; by default one
@@ -73,7 +80,12 @@ def plot(
     """
     save = None if save is None else named(save)
     comm, bodies, title = _sources(what)
-    view = _of_points(bodies, comm) if bodies else _of_cells(what, comm)
+    if isinstance(what, StressField):
+        view = _of_stress(what, comm)
+    elif hasattr(what, "grid_fields"):
+        view = _of_run(what, field, comm)
+    else:
+        view = _of_points(bodies, comm)
     with together(comm):
         if comm.rank == 0:
             made = _draw(view, field, component, plane, ax, title)
@@ -93,6 +105,8 @@ def plot(
 
 def _sources(what) -> tuple[MPI.Comm, Sequence, str]:
     """The ranks that have a share in it, the bodies of points, if any, and a title."""
+    if isinstance(what, StressField):
+        return what.grid.comm, (), ""
     if hasattr(what, "grid_fields"):
         dynamic = what.stepping.dynamic
         moment = f"t = {what.time:.4g} s" if dynamic else f"load parameter {what.time:.4g}"
@@ -100,12 +114,21 @@ def _sources(what) -> tuple[MPI.Comm, Sequence, str]:
     bodies = list(what) if isinstance(what, list | tuple) else [what]
     if not bodies or not all(hasattr(body, "half") and hasattr(body, "stress") for body in bodies):
         raise ValueError(
-            "plot needs material points, a list of them, or a run such as Simulation(...), got "
-            f"{in_short(what)}"
+            "plot needs material points, a list of them, a run such as Simulation(...), or its "
+            f"stress_field(), got {in_short(what)}"
         )
     if len({body.dim for body in bodies}) > 1:
         raise ValueError("bodies must all be in 2D or all in 3D to be in one picture")
     return MPI.COMM_SELF, bodies, ""
+
+
+def _of_run(run, field: str, comm: MPI.Comm) -> View | None:
+    """Its points, or its cells where it has none; or the stress on its grid."""
+    if field == ON_THE_GRID:
+        view = _of_stress(run.stress_field(), comm)
+        return view and view._replace(fields={ON_THE_GRID: view.fields["stress"]})
+    view = _of_points(run.bodies, comm) if run.bodies else _of_cells(run, comm)
+    return view and view._replace(elsewhere=(ON_THE_GRID,))
 
 
 def _of_points(bodies: Sequence, comm: MPI.Comm) -> View | None:
@@ -126,12 +149,30 @@ def _of_cells(run, comm: MPI.Comm) -> View | None:
         return None
     fields = {name: value[cells].mean(axis=1) for name, value in nodal.items()} | cellwise
     if "stress" in fields:
-        stress = fields["stress"]
-        fields |= {"mean_stress": tensors.mean(stress), "von_mises": tensors.von_mises(stress)}
-    corners = x[cells]
-    if run.grid.dim == 3:
+        fields |= _measures(fields["stress"])
+    return _cellwise(x[cells], fields)
+
+
+def _of_stress(field: StressField, comm: MPI.Comm) -> View | None:
+    """Cells that hold material with the stress at their centres, on the first rank."""
+    found = whole_stress(field)
+    if comm.rank != 0:
+        return None
+    x, cells, known = found
+    stress = known["stress"][cells].mean(axis=1)
+    return _cellwise(x[cells], {"stress": stress, **_measures(stress)})
+
+
+def _measures(stress: np.ndarray) -> dict[str, np.ndarray]:
+    return {"mean_stress": tensors.mean(stress), "von_mises": tensors.von_mises(stress)}
+
+
+def _cellwise(corners: np.ndarray, fields: dict[str, np.ndarray]) -> View:
+    """What there is to see of cells with corners (n, 2^dim, dim)."""
+    dim = corners.shape[2]
+    if dim == 3:
         corners = np.stack((corners.min(axis=1), corners.max(axis=1)), axis=1)
-    return View(run.grid.dim, corners, fields)
+    return View(dim, corners, fields)
 
 
 def _rectangles(ends: np.ndarray) -> np.ndarray:
@@ -182,7 +223,7 @@ def _size(corners: np.ndarray) -> tuple[float, float]:
 
 def _values(view: View, field: str, component) -> tuple[np.ndarray, str]:
     """Numbers (n,) to show, and words with the unit for them."""
-    rows = view.fields[one_of("field", field, view.fields)]
+    rows = view.fields[one_of("field", field, (*view.fields, *view.elsewhere))]
     text, unit = QUANTITIES.get(field, (field.replace("_", " "), ""))
     if rows.ndim == 1:
         if component is not None:

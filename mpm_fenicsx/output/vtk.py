@@ -77,7 +77,7 @@ class Snapshots:
         comm = run.grid.comm
         cloud = whole_cloud(run.bodies, comm) if run.bodies else None
         fields = whole_fields(run)
-        stress = whole_stress(run) if "stress" in self._series else None
+        stress = whole_stress(run.stress_field()) if "stress" in self._series else None
         with failing_together(comm, "snapshot not written", self.path):
             if comm.rank == 0:
                 dim = run.grid.dim

@@ -9,9 +9,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..common import tensors
-from ..common.checks import array, finite, in_short, one_of, whole
+from ..common.checks import array, chosen, finite, in_short, one_of, whole
 from ..common.compiled import digits
 from ..common.random_numbers import uniform
+from ..common.ranks import together
 from ..grid.cells import SIDES
 from ..materials.law_checks import check_law
 from .staircase import levels_of_a_slope
@@ -163,7 +164,7 @@ class MaterialPoints:
         ``parameters``: those of the material that differ from place to place, by name: functions of
         x (dim, n), m, to (n,), asked where points lie at the start.
         Raises ``ValueError`` for a body without points, a ``per_cell`` that is no k^dim, a ``seed``
-        < 0, or an ``inside`` of the wrong shape.
+        < 0, or an ``inside`` that does not say True or False of each place.
         """
         if not hasattr(grid, "owned_cells"):
             raise ValueError(
@@ -187,7 +188,8 @@ class MaterialPoints:
         x = lattice.lower[:, None] + (place + 0.5) * spacing[:, None]
         body = np.ones(x.shape[:2], dtype=bool)  # of ghost cells too, which tell what is exposed
         if inside is not None:
-            body = _chosen("inside", inside, x.reshape(body.size, dim)).reshape(body.shape)
+            with together(grid.comm):
+                body = chosen("inside", inside, x.reshape(body.size, dim).T).reshape(body.shape)
         exposed = np.zeros((*body.shape, dim, 2), dtype=bool)
         for d in range(dim):
             for end in range(2):
@@ -295,7 +297,7 @@ class MaterialPoints:
         x, half = (self.x if self.seat is None else self.seat)[rows], self.half[rows]
         x[:, d] += (2 * end - 1) * half[:, d]
         if where is not None:
-            keep = _chosen("where", where, x)
+            keep = chosen("where", where, x.T)
             x, half = x[keep], half[keep]
         return x, half
 
@@ -335,13 +337,3 @@ def _column(name: str, function: Callable[[np.ndarray], np.ndarray], x: np.ndarr
             f"parameters: {name} must map (dim, n) to (n,), gave {value.shape} for n={len(x)}"
         )
     return value
-
-
-def _chosen(name: str, function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
-    """Which of the places x (n, dim) a function of x (dim, n) chooses, bool (n,)."""
-    if not callable(function):
-        raise ValueError(f"{name} must be a function of x (dim, n), got {function!r}")
-    answer = np.asarray(function(x.T))
-    if answer.shape != (len(x),):
-        raise ValueError(f"{name} must map (dim, n) to (n,), gave {answer.shape} for n={len(x)}")
-    return answer.astype(bool)

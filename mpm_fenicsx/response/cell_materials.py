@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem
 
+from ..common.checks import chosen
 from ..common.compiled import digits
-from ..common.ranks import anywhere
+from ..common.ranks import anywhere, together
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid
 from ..mapping.shape_functions import Stencil
@@ -239,7 +240,8 @@ def _refuse(grid: Grid, message: str | None) -> None:
 def _of_regions(grid: Grid, regions: Sequence[Callable]) -> np.ndarray:
     """Which region holds the centre of each cell (cells,)."""
     centre = _corners(grid).mean(axis=1)
-    held = np.array([_asked(where, centre) for where in regions])
+    with together(grid.comm):
+        held = np.array([_asked(where, centre) for where in regions])
     bad, message = np.flatnonzero(held.sum(axis=0) != 1), None
     if len(bad):
         c = bad[0]
@@ -258,10 +260,7 @@ def _of_regions(grid: Grid, regions: Sequence[Callable]) -> np.ndarray:
 
 def _asked(where: Callable, x: np.ndarray) -> np.ndarray:
     """Whether places x (n, dim) lie in a region, bool (n,)."""
-    answer = np.asarray(where(x.T))
-    if answer.shape != (len(x),):
-        raise ValueError(f"where must map (dim, n) to (n,), gave {answer.shape} for n={len(x)}")
-    return answer.astype(bool)
+    return chosen("where", where, x.T)
 
 
 # -- bodies ----------------------------------------------------------------------------------------

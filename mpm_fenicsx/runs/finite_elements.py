@@ -20,6 +20,7 @@ from ..grid import dolfinx_versions
 from ..grid.gauss_points import GaussPoints
 from ..grid.grid import Grid
 from ..grid.stress_field import StressField
+from ..mapping.methods import Mapping as PointMapping
 from ..materials.law_checks import check_law
 from ..points.inside import in_mesh
 from ..response.cell_materials import CellMaterials
@@ -80,6 +81,8 @@ class FiniteElements(Run):
     ):
         super().__init__("FE", grid, stepping, terms)
         solver = self.solver = solver_of_today("FiniteElements", solver, old)
+        if isinstance(reassemble, PointMapping):
+            raise ValueError(f"finite elements take no mapping, got {reassemble}: leave it out")
         check_flags(reassemble=reassemble, b_bar=b_bar)
         if solver.reuse:
             raise ValueError(

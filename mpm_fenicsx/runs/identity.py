@@ -8,10 +8,10 @@ import math
 import numpy as np
 from dolfinx import fem
 
+from ..common.checks import numbers
 from ..grid.grid import GridSurface
 from ..points.surface_points import SurfacePoints
 from ..response.cell_materials import CellMaterials
-from ..terms.load_functions import numbers
 
 FEW = 6
 """So many numbers are named one by one."""

@@ -203,7 +203,7 @@ class Run(Statics):
         """Forms of what terms do to the energy in a step (J), by name."""
         forms: dict[str, object] = {}
         for contribution in self.scene.contributions:
-            for name, form in contribution.energy().items():
+            for name, form in contribution.energies().items():
                 forms[name] = forms.get(name, 0) + form
         return forms
 

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import ufl
 
 from ..common.checks import in_short
+
+SUMS = ("left", "lost")
+"""What the recorder Energy makes of all energies: no name for one of them."""
 
 
 def _no_energy() -> dict[str, object]:
@@ -33,6 +38,9 @@ class Contribution:
     ``holds``: it keeps a body from rigid motions that supports leave free, as springs do; a
     quasi-static run then does not refuse those.
     ``note``: what ``print(run)`` says of the term beyond its name.
+
+    Where a run binds the term, ``check`` refuses what is none of these; the forms of ``energy``
+    are looked at when a recorder asks for them.
     """
 
     work: object = 0
@@ -44,22 +52,75 @@ class Contribution:
     symmetric: bool = True
     holds: bool = False
     note: str = ""
+    term: str = field(default="a term", init=False)  # the name of its class
 
-    def __post_init__(self) -> None:
-        if not callable(self.energy):
+    def check(self) -> None:
+        """Raise ``ValueError`` naming the term where functions or memory are none."""
+        if not callable(self.energy) or not _takes(self.energy):
             raise ValueError(
-                "energy of a Contribution must be a function that returns forms by name, got "
-                f"{in_short(self.energy)}"
+                f"terms: energy of {self.term} must be a function without arguments that returns "
+                f"forms by name, got {in_short(self.energy)}"
             )
-        for name in ("before", "after"):
+        for name, arguments, call in (("before", 2, "before(start, end)"), ("after", 0, "after()")):
             hooks = getattr(self, name)
             if not isinstance(hooks, list) or not all(map(callable, hooks)):
                 raise ValueError(
-                    f"{name} of a Contribution must be a list of functions, got {in_short(hooks)}"
+                    f"terms: {name} of {self.term} must be a list of functions, got "
+                    f"{in_short(hooks)}"
                 )
+            for hook in hooks:
+                if not _takes(hook, *[0.0] * arguments):
+                    raise ValueError(
+                        f"terms: {name} of {self.term} must be functions that can be called as "
+                        f"{call}, got {in_short(hook)}"
+                    )
+        if not isinstance(self.memory, Mapping):
+            raise ValueError(
+                f'terms: memory of {self.term} must be arrays by name, such as {{"slip": slip}}, '
+                f"got {in_short(self.memory)}"
+            )
         for name, value in self.memory.items():
             if not isinstance(value, np.ndarray) or value.dtype.kind not in "fiub":
                 raise ValueError(
-                    f"memory of a Contribution must be arrays of numbers by name, which change in "
-                    f"place, got {name!r}: {in_short(value)}"
+                    f"terms: memory of {self.term} must be arrays of numbers by name, which change "
+                    f"in place, got {name!r}: {in_short(value)}"
                 )
+
+    def energies(self) -> dict[str, ufl.Form]:
+        """What ``energy`` returns.  Raises ``ValueError`` naming the term where that is no forms
+        by name."""
+        forms = self.energy()
+        if not isinstance(forms, Mapping):
+            raise ValueError(
+                f"terms: energy of {self.term} must return forms by name, such as "
+                f'{{"stored": form}}, got {in_short(forms)}'
+            )
+        for name, form in forms.items():
+            if not isinstance(name, str) or name in SUMS:
+                raise ValueError(
+                    f"terms: energy of {self.term} is named {name!r}: give it a name of its own, a "
+                    f"text other than {' and '.join(SUMS)}, which Energy has for sums"
+                )
+            whose = f"terms: energy {name!r} of {self.term}"
+            if not isinstance(form, ufl.Form) or form.empty():
+                raise ValueError(
+                    f"{whose} must be a form, such as inner(traction, motion.u) * patch.measure, "
+                    f"got {in_short(form)}; leave out what is zero"
+                )
+            if form.arguments():
+                raise ValueError(
+                    f"{whose} must be a number of J when it is integrated, and has the test "
+                    "function w of the motion: put the increment u in its place"
+                )
+        return dict(forms)
+
+
+def _takes(function: Callable, *arguments: float) -> bool:
+    """Whether a function can be called with so many arguments, as far as it says."""
+    try:
+        inspect.signature(function).bind(*arguments)
+    except TypeError:
+        return False
+    except ValueError:  # some built-in and compiled functions do not say
+        return True
+    return True

@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..common.checks import in_short, numbers
+
 PLACES = ("x", "xs", "place", "places", "position", "positions", "point", "points", "coordinates")
 TIMES = ("t", "time")
 TRIALS = 5
@@ -26,13 +28,15 @@ class Load:
 
     def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
         try:
-            value = numbers(self.function(t, x))
+            given = self.function(t, x)
+            value = numbers(given)
         except Exception as error:  # on one rank, perhaps: all are told
             self.fault = f"{self.name} raises {type(error).__name__} at t = {t:.6g}: {error}"
             return np.zeros(self.dim)
         if value is None or value.shape not in ((self.dim,), (len(x), self.dim)):
             self.fault = (
-                f"{self.name} must give {self.dim} finite numbers, got {value!r} at t = {t:.6g}"
+                f"{self.name} must give {self.dim} finite numbers, got "
+                f"{in_short(given) if value is None else repr(value)} at t = {t:.6g}"
             )
             return np.zeros(self.dim)
         there = np.isfinite(value)
@@ -95,9 +99,13 @@ def of_time(name: str, value) -> Callable[[float], float]:
         )
 
     def function(t: float) -> float:
-        result = numbers(value(t))
+        given = value(t)
+        result = numbers(given)
         if result is None or result.size != 1 or not np.isfinite(result).all():
-            raise ValueError(f"{name} must be one finite number, got {result!r} at t = {t:.6g}")
+            raise ValueError(
+                f"{name} must be one finite number, got "
+                f"{in_short(given) if result is None else repr(result)} at t = {t:.6g}"
+            )
         return float(result.reshape(()))
 
     if takes_place(value):
@@ -143,14 +151,6 @@ def takes_place(function: Callable) -> bool | str | None:
         if any(p.kind is kinds.VAR_POSITIONAL for p in parameters) and len(positional) < 2
         else False
     )
-
-
-def numbers(value) -> np.ndarray | None:
-    """An array of floats, a copy, or None for what is none."""
-    try:
-        return None if value is None else np.array(value, float)
-    except (TypeError, ValueError):
-        return None
 
 
 def _as_function(name: str, value: Callable, x: np.ndarray) -> tuple[Callable, bool]:

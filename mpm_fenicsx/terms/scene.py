@@ -61,12 +61,19 @@ class Scene:
         """What the terms do, one contribution a term."""
         for term in terms:
             self._binding = type(term).__name__
-            found = term.bind(self)
+            try:
+                found = term.bind(self)
+            except AttributeError as error:
+                if error.obj is self.motion:
+                    raise AttributeError(f"terms: bind of {self._binding}: {error}") from error
+                raise
             if not isinstance(found, Contribution):
                 raise ValueError(
                     f"terms: bind of {self._binding} must return a Contribution, got "
                     f"{in_short(found)}"
                 )
+            found.term = self._binding
+            found.check()
             self._check_work(found)
             self.contributions.append(found)
         self._binding = ""

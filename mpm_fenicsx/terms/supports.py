@@ -59,7 +59,14 @@ class Fixed:
             raise ValueError(
                 f"components must be one or several of {axes} in a text, got {self.components!r}"
             )
-        for c in self.components or axes:
+        components = self.components or axes
+        double = next((c for c in components if components.count(c) > 1), None)
+        if double is not None:
+            raise ValueError(
+                f"components must name each direction once, got {double!r} twice in "
+                f"{self.components!r}"
+            )
+        for c in components:
             V = grid.space.sub(axes.index(one_of("components", c, axes)))
             dofs = fem.locate_dofs_topological(V, grid.dim - 1, self.on.facets)
             scene.fixed.append(fem.dirichletbc(np.array(0.0), dofs, V))
