@@ -280,7 +280,9 @@ def test_what_finite_strain_cannot_do_is_refused():
         mpm.Simulation(grid, body, mpm.QuasiStatic(1), [], replace(mpm.DM_GC, b_bar=True))
     with pytest.raises(ValueError, match="b_bar is for small strain only"):
         mpm.FiniteElements(grid, SOIL, mpm.QuasiStatic(1), [], b_bar=True)
-    yielding = mpm.MaterialPoints.fill(grid, mpm.VonMises(SMALL, 1e3, 1e3, 0.0), 4)
+    law = mpm.VonMises(SMALL, 1e3, 1e3, 0.0)
+    body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < 0.5)
+    yielding = mpm.MaterialPoints.fill(grid, law, 4, inside=lambda x: x[0] > 0.5)
     with pytest.raises(ValueError, match="yields at small strain cannot share a run"):
         mpm.Simulation(grid, [body, yielding], mpm.QuasiStatic(1), [], mpm.DM_GC)
 

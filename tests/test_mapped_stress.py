@@ -232,6 +232,8 @@ def test_bodies_in_contact_have_fields_of_their_own():
         run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [side])
         runs.append((run, body.surface("top" if low == 0 else "bottom")))
     meet = mpm.Contact(*runs)
+    with pytest.raises(ValueError, match="nodal velocity is of one body"):
+        meet.nodal("velocity")
     with pytest.raises(ValueError, match="stress on the grid is of one body"):
         meet.record(mpm.Probe("grid_stress", at=(0.5, 0.5)))
     probe = runs[0][0].record(mpm.Probe("grid_stress", at=(0.5, 0.5)))

@@ -264,6 +264,12 @@ class Contact(Run):
         """Raises ``ValueError``: forms are integrals over one body each."""
         raise ValueError("Energy is of one body: record it on each of the runs")
 
+    def nodal(self, field: str) -> NoReturn:
+        """Raises ``ValueError``: nodes move with each body in its own way."""
+        raise ValueError(
+            f"nodal {field} is of one body: ask each of the runs that Contact was given"
+        )
+
     def stress_field(self) -> NoReturn:
         """Raises ``ValueError``: bodies that meet in a cell have stresses of their own."""
         raise ValueError(
