@@ -36,10 +36,11 @@ def keepers(comm: MPI.Comm, things: np.ndarray, own: np.ndarray, known: np.ndarr
 
     ``things`` (n, k): numbers that say what it is, the same wherever it is; ``own`` (n,): it lies
     in this rank's cells; ``known`` (n,): in its cells or ghosts.  It is the rank whose own it is
-    or, where none such has it, the first that knows its cell; -1 if none does.  Collective.
+    or, where none such has it, the first that knows its cell or, where none does, the first that
+    has it.  Collective.
     """
-    nobody, mine = 2 * comm.size, np.flatnonzero(~own)
-    keeper = np.where(own, comm.rank, -1)
+    nobody, mine = 3 * comm.size, np.flatnonzero(~own)
+    keeper = np.full(len(own), comm.rank)
     asked = comm.allgather(
         things[mine]
     )  # few: what lies in ghost cells, or everything where all ranks have all
@@ -51,11 +52,11 @@ def keepers(comm: MPI.Comm, things: np.ndarray, own: np.ndarray, known: np.ndarr
     np.minimum.at(
         best,
         which[: len(things)],
-        np.where(own, comm.rank, np.where(known, comm.size + comm.rank, nobody)),
+        comm.rank + comm.size * np.where(own, 0, np.where(known, 1, 2)),
     )
     answer = best[which[len(things) :]]
     comm.Allreduce(MPI.IN_PLACE, answer, op=MPI.MIN)
     start = sum(map(len, asked[: comm.rank]))
     answer = answer[start : start + len(mine)]
-    keeper[mine] = np.where(answer < nobody, answer % comm.size, -1)
+    keeper[mine] = answer % comm.size
     return keeper

@@ -318,6 +318,13 @@ class Grid:
         return out
 
     @cached_property
+    def cell_numbers(self) -> np.ndarray:
+        """One number (cells,) for each cell, the same on any number of ranks, with gaps where the
+        grid is no box.  Collective when it is first asked for."""
+        most = 1 + np.array(self.comm.allgather(self.index.max(axis=0, initial=-1))).max(axis=0)
+        return self.index @ np.concatenate(([1], np.cumprod(most[:-1])))
+
+    @cached_property
     def smallest(self) -> float:
         """Least extent (m) of any cell on any rank.  Collective when it is first asked for."""
         extent = self.lattice.upper - self.lattice.lower

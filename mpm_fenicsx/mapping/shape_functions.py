@@ -20,15 +20,19 @@ class Stencil:
     """
 
     def __init__(self, grid: Grid, points: int, support: bool):
-        dim, k = grid.dim, 3 if support else 2
-        self.grid, self.reach = grid, once(k)
+        self.grid, self.reach, self._support = grid, once(3 if support else 2), support
+        self.resize(points)
+
+    def resize(self, points: int) -> None:
+        """Make room for so many points, to be placed."""
+        dim, k = self.grid.dim, len(self.reach)
         self.side = np.zeros((points, dim), dtype=np.int8)
         self.span = np.zeros((points, dim, 2, 2))
         self.share = np.zeros((points, dim, 2))
         self.first = np.zeros(points, dtype=np.uint64)
         self.line, self.slope = np.zeros((points, dim, k)), np.zeros((points, dim, k))
         self.cell = np.zeros(points, dtype=np.int32)
-        self._no_extent = None if support else np.zeros((points, dim))
+        self._no_extent = None if self._support else np.zeros((points, dim))
 
     def __len__(self) -> int:
         return len(self.first)

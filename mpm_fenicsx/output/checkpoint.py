@@ -113,7 +113,9 @@ def restart(run, path: str | os.PathLike) -> None:
     steps, kept, recorders = comm.bcast(steps), comm.scatter(parts), _remembering(run)
     found = json.loads(str(kept.pop("identity")))
     message = anywhere(
-        comm, _difference(found, run.identity()) or _misfit(kept, run.state(), recorders)
+        comm,
+        _difference(found, run.identity())
+        or _misfit(kept, run.state(), recorders, run.arrays_that_move()),
     )
     if message:
         raise ValueError(f"{path}: {message}")
@@ -186,12 +188,16 @@ def _difference(found: dict[str, str], here: dict[str, str]) -> str | None:
 
 
 def _misfit(
-    kept: dict[str, np.ndarray], state: dict[str, np.ndarray], recorders: dict[str, object]
+    kept: dict[str, np.ndarray],
+    state: dict[str, np.ndarray],
+    recorders: dict[str, object],
+    moving: set[str],
 ) -> str | None:
-    """The first array of a checkpoint that does not fit the run."""
+    """The first array of a checkpoint that does not fit the run; those that are ``moving`` may have
+    more or fewer rows."""
     for name in {**state, **_below("run/", kept)}:
         found, here = (
-            None if a is None else (a.dtype.name, a.shape)
+            None if a is None else (a.dtype.name, a.shape[name in moving :])
             for a in (kept.get(f"run/{name}"), state.get(name))
         )
         if found != here:

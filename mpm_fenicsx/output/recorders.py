@@ -16,6 +16,9 @@ from .recorder import Run
 ON_THE_GRID = "grid_stress"
 FIELDS = ("displacement", "velocity", "acceleration", "stress", ON_THE_GRID)
 
+SAMPLES = ("numbers", "weights", "start")
+"""What a probe keeps of the samples of all ranks, where these move."""
+
 
 class Series:
     """Times (s) and one value a time."""
@@ -93,10 +96,26 @@ class Probe(Series):
         h = _cell_size(run.grid)
         self._rows, self._weights = _nearest(places / h, self.at / h, run.grid.comm)
         self._start = self._read(self._rows) if self.field == "displacement" else np.zeros(())
+        self._of_all = None
+        numbers = run.numbers_of(self._rows)
+        if numbers is not None:
+            like = self._start.shape[1:] or (1,)
+            start = np.broadcast_to(self._start, (len(numbers), *like))
+            mine = numbers, self._weights, start
+            self._of_all = [
+                np.concatenate(of_ranks)
+                for of_ranks in zip(*run.grid.comm.allgather(mine), strict=True)
+            ]
+            self._arrangement = run.arrangement
         self(run)
 
     def __call__(self, run: Run) -> None:
         """Write down the value now."""
+        if self._of_all is not None and run.arrangement != self._arrangement:
+            numbers, weights, start = self._of_all
+            self._rows, which = run.rows_of(numbers)
+            self._weights, self._start = weights[which], start[which]
+            self._arrangement = run.arrangement
         value = run.grid.comm.allreduce(self._weights @ (self._read(self._rows) - self._start))
         self.note(run, self._on_the_grid(run, value) if self.field == ON_THE_GRID else value)
 
@@ -109,6 +128,8 @@ class Probe(Series):
 
     def state(self) -> dict[str, np.ndarray]:
         """The series, and the samples that were chosen when it began."""
+        if self._of_all is not None:
+            return {**super().state(), **dict(zip(SAMPLES, self._of_all, strict=True))}
         return {
             **super().state(),
             "rows": self._rows,
@@ -119,6 +140,9 @@ class Probe(Series):
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Go on from what a checkpoint kept."""
         super().restore(state)
+        if self._of_all is not None:
+            self._of_all, self._arrangement = [state[name] for name in SAMPLES], None
+            return
         self._rows, self._weights, self._start = (
             state[name] for name in ("rows", "weights", "start")
         )

@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
+from mpi4py import MPI
+
 import numpy as np
 
 from ..common import tensors
 from ..common.ranks import together
 from ..grid.grid import Grid
 from .material_points import MaterialPoints
+from .migration import Migration
 
 
-def enter(body: MaterialPoints, grid: Grid) -> np.ndarray:
-    """Cell (n,) of each point.  Raises ``ValueError``, on all ranks, for a body that the grid does
-    not hold."""
+def enter(body: MaterialPoints, grid: Grid, migration: Migration | None = None) -> np.ndarray:
+    """Cell (n,) of each point.  On several ranks ``migration`` takes them to their owners, and they
+    get numbers.
+
+    Raises ``ValueError``, on all ranks, for a body that the grid does not hold.
+    """
     if body.dim != grid.dim:
         raise ValueError(f"points have {body.dim} coordinates, the grid {grid.dim}")
     if not grid.comm.allreduce(len(body)):
         raise ValueError("points: a body has no material points")
     cell, message = grid.find(body.x), None
     outside = np.flatnonzero(cell < 0)
+    if migration is not None:
+        going = migration.destinations([(body.x, cell)])
+        outside = np.flatnonzero(going.cells[0] < 0)
     if len(outside):
         message = (
             f"points: {len(outside)} lie outside the grid, the first at x={body.x[outside[0]]}"
@@ -42,4 +51,28 @@ def enter(body: MaterialPoints, grid: Grid) -> np.ndarray:
         if not body.material.linear:  # what the law refuses it refuses here, on all ranks
             at_rest = np.zeros_like(body.stress)
             body.material.respond(at_rest, body.stress, body.remembered, body.parameters)
+    if migration is None:
+        return cell
+    body.take({name: value.copy() for name, value in body.state().items()})  # written into
+    if going.moving[0]:
+        arrays, rows, cells = migration.send(
+            {"cell": cell, **body.state()}, going.cells[0], going.far
+        )
+        cell = arrays.pop("cell")
+        cell[rows] = cells
+        body.take(arrays)
+    if body.number is None:
+        body.number = numbers_of(grid, body.x, cell)
     return cell
+
+
+def numbers_of(grid: Grid, x: np.ndarray, cell: np.ndarray) -> np.ndarray:
+    """A number (n,) for each point x (n, dim), m, in its rank's own cells (n,): by its cell's place
+    in the grid and its own among the points of that cell, the same on any number of ranks.
+    Collective."""
+    order = np.lexsort((*x.T, cell))
+    first = np.searchsorted(cell[order], cell[order])
+    of_cell = np.empty(len(x), np.int64)
+    of_cell[order] = np.arange(len(x)) - first
+    most = 1 + grid.comm.allreduce(int(of_cell.max(initial=0)), op=MPI.MAX)
+    return most * grid.cell_numbers[cell] + of_cell

@@ -44,6 +44,8 @@ class MaterialPoints:
     # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
     seat: np.ndarray | None = None
     mass: np.ndarray = field(init=False)
+    # (n,): which point it is, whatever rank it is on; only where a run has several ranks
+    number: np.ndarray | None = field(default=None, init=False)
     _run_left: np.ndarray | None = field(default=None, init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -142,6 +144,18 @@ class MaterialPoints:
         }
         return {**own, **{f"parameters/{name}": value for name, value in self.parameters.items()}}
 
+    def take(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Carry other rows: ``arrays`` by the names of ``state``."""
+        left = self.left_by_run
+        for name, value in arrays.items():
+            parameter = name.removeprefix("parameters/")
+            if parameter != name:
+                self.parameters[parameter] = value
+            else:
+                setattr(self, name, value)
+        if left:
+            self.leave()
+
     @classmethod
     def fill(
         cls,
@@ -207,7 +221,8 @@ class MaterialPoints:
             raise ValueError("inside leaves a body without material points")
         seat = None
         if jitter:
-            seat, number = x, _lattice_numbers(grid, per_cell)[keep]
+            seat = x
+            number = (per_cell * grid.cell_numbers[:, None] + np.arange(per_cell))[keep]
             x = x + jitter * (2.0 * uniform(seed, number, dim) - 1.0) * 2 * half
         volume = (2 * half).prod(axis=1)
         given = {name: _column(name, value, x) for name, value in (parameters or {}).items()}
@@ -311,17 +326,6 @@ class MaterialPoints:
         gauss = np.insert(gauss, d, 0.0, axis=1)
         place = (x[:, None] + gauss * half[:, None]).reshape(-1, self.dim)
         return place, np.broadcast_to(normal, place.shape), np.repeat(area / len(gauss), len(gauss))
-
-
-def _lattice_numbers(grid, per_cell: int) -> np.ndarray:
-    """Numbers (cells, per_cell) of all places that ``fill`` has in a grid, the same on any number
-    of ranks."""
-    index = grid.index
-    cells = 1 + np.array(grid.comm.allgather(index.max(axis=0, initial=-1))).max(
-        axis=0
-    )  # along each direction
-    cell = index @ np.concatenate(([1], np.cumprod(cells[:-1])))
-    return cell[:, None] * per_cell + np.arange(per_cell)
 
 
 def _column(name: str, function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:

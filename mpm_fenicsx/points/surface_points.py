@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,8 +20,9 @@ class SurfacePoints:
 
     A run moves them: the arrays are then those at the time reached.  On several ranks each may be
     given all rows, or its own.  A run leaves with each rank, here too, those that lie in its cells,
-    and ``number`` (n,) says which of the rows given they are; what a load gives row by row may go
-    on being given for all of those.
+    also when they move, and ``number`` (n,) says which of the rows given they are, those of all
+    ranks one after the other where each was given its own; what a load gives row by row may go on
+    being given for all of those.
 
     Raises ``ValueError`` for arrays that do not fit, a normal that is not a unit vector, or an area
     <= 0.
@@ -86,6 +88,28 @@ class SurfacePoints:
             self.displacement = self.displacement[rows]
         if self.rest_area is not None:
             self.rest_area = self.rest_area[rows]
+
+    def number_together(self, comm) -> None:
+        """Where each rank was given rows of its own, number those of all ranks, and where one has
+        left none to others, its own.  Collective."""
+        ranks = comm.allgather((self.number is None, self.given))
+        mine, given = zip(*ranks, strict=True)
+        if all(mine):
+            self.number = sum(given[: comm.rank]) + np.arange(len(self))
+            self.given = sum(given)
+        elif self.number is None:
+            self.number = np.arange(len(self))
+
+    def rows(self) -> dict[str, np.ndarray]:
+        """Arrays of one row a point, by name; not copied."""
+        names = ("x", "normal", "area", "displacement", "number", "rest_area")
+        found = {name: getattr(self, name) for name in names}
+        return {name: value for name, value in found.items() if value is not None}
+
+    def take(self, arrays: Mapping[str, np.ndarray]) -> None:
+        """Carry other rows: ``arrays`` by the names of ``rows``."""
+        for name, value in arrays.items():
+            setattr(self, name, value)
 
     def of_given(self, values: np.ndarray) -> np.ndarray:
         """The rows that are here of values given for all (given, …), or as they are where they are

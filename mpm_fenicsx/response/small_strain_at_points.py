@@ -45,7 +45,9 @@ class YieldingAtPoints(Response):
         self.stiffness = tangent * dx
 
     def place(self) -> None:
-        """Nothing to find: every point is its own place."""
+        """Every point is its own place; there may be others than before."""
+        if any(len(rows) != len(body) for rows, body in zip(self._rows, self._bodies, strict=True)):
+            self._rows = [np.arange(len(body), dtype=np.int32) for body in self._bodies]
 
     def clear(self) -> None:
         """Nothing yields."""

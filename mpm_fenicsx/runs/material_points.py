@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
@@ -27,6 +27,7 @@ from ..points.inside import among
 from ..points.interfaces import warn_of_interfaces
 from ..points.location import enter
 from ..points.material_points import MaterialPoints
+from ..points.migration import Migration, resized
 from ..response.finite_strain import finite_strain_of
 from ..response.response import Response
 from ..response.small_strain import YieldingPoints
@@ -97,7 +98,9 @@ class Simulation(Run):
             )
         self._of = [f"body {n}, " if len(self.bodies) > 1 else "" for n in range(len(self.bodies))]
         motion = self.motion = Motion(grid, stepping)
-        self.cells = [enter(body, grid) for body in self.bodies]
+        self.migration = Migration(grid) if grid.comm.size > 1 else None
+        self.arrangement = 0
+        self.cells = [enter(body, grid, self.migration) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
         self.composites = self._composite_patches() if mapping.composite else []
         self.stress = self._internal_force_of(mapping)
@@ -254,22 +257,15 @@ class Simulation(Run):
 
     def locate(self) -> None:
         """Cell, weights and gradients of every point."""
-        message = None
-        for number, (body, cell) in enumerate(zip(self.bodies, self.cells, strict=True)):
-            self.grid.walk(body.x, cell)
-            lost = np.flatnonzero((cell < 0) | (cell >= self.grid.owned_cells))
-            if len(lost):
-                where = (
-                    "outside the grid"
-                    if cell[lost[0]] < 0
-                    else "on another rank, which is not supported yet"
-                )
-                message = (
-                    f"{self._of[number]}material point {lost[0]} at x={body.x[lost[0]]} lies "
-                    f"{where}"
-                )
-                cell[lost] = np.maximum(cell[lost], 0)  # whence to walk, should they be put back
-        self._stop_together(message)
+        for n, body in enumerate(self.bodies):
+            if len(self.cells[n]) != len(body):  # another run has moved its points to other ranks
+                self.cells[n] = self.grid.find(body.x)
+                self._make_room(n)
+            self.grid.walk(body.x, self.cells[n])
+        if self.migration is None:
+            self._refuse_lost(self.cells)
+        else:
+            self._migrate()
         for body, cell, stencil in zip(self.bodies, self.cells, self.stencils, strict=True):
             stencil.place(body.x, body.half, cell)
         for composite in dict.fromkeys(self.composites):
@@ -284,6 +280,43 @@ class Simulation(Run):
         self._held[:] = 0
         for cell in self.cells:
             self._held[cell] = 1
+
+    def _migrate(self) -> None:
+        """Points go to the ranks that own their cells."""
+        clouds = [(body.x, cell) for body, cell in zip(self.bodies, self.cells, strict=True)]
+        going = self.migration.destinations(clouds)
+        if going.lost:
+            self._refuse_lost(going.cells)
+        for n, (body, moving) in enumerate(zip(self.bodies, going.moving, strict=True)):
+            if moving:
+                arrays, rows, cells = self.migration.send(
+                    {"cell": self.cells[n], **body.state()}, going.cells[n], going.far
+                )
+                self.cells[n] = arrays.pop("cell")
+                self.cells[n][rows] = cells
+                body.take(arrays)
+                self._make_room(n)
+        self.arrangement += any(going.moving)
+
+    def _make_room(self, number: int) -> None:
+        """The stencil of a body is as long as that."""
+        if len(self.stencils[number]) != len(self.bodies[number]):
+            self.stencils[number].resize(len(self.bodies[number]))
+
+    def _refuse_lost(self, cells: Sequence[np.ndarray]) -> None:
+        """Raise ``RunError``, on all ranks, where a point of a body has a cell (n,) below zero."""
+        message = None
+        for number, (body, cell) in enumerate(zip(self.bodies, cells, strict=True)):
+            lost = np.flatnonzero(cell < 0)
+            if len(lost):
+                row = lost[0] if body.number is None else body.number[lost[0]]
+                message = (
+                    f"{self._of[number]}material point {row} at x={body.x[lost[0]]} lies outside "
+                    "the grid"
+                )
+                if self.migration is None:
+                    cell[lost] = 0  # whence to walk, should they be put back
+        self._stop_together(message)
 
     def project(self) -> None:
         """Density and Lamé's constants of the points onto the grid's discontinuous fields."""
@@ -403,10 +436,31 @@ class Simulation(Run):
         given = {f"properties/{name}": value for name, value in self.properties.state().items()}
         return {**super().state(), **found, **given}
 
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
+        """Take the values of ``state``; on several ranks points may have moved since."""
+        if self.migration is not None:
+            for n, body in enumerate(self.bodies):
+                rows = len(state[f"bodies/{n}/cell"])
+                if rows != len(body):
+                    body.take(resized(body.state(), rows))
+                    self.cells[n] = np.zeros(rows, np.int32)
+                    self._make_room(n)
+            self.scene.make_room(state)
+            self.arrangement += 1
+        super().restore(state)
+
+    def arrays_that_move(self) -> set[str]:
+        """Names in ``state`` of arrays whose rows may be on another rank at another time."""
+        if self.migration is None:
+            return set()
+        bodies = {name for name in self.state() if name.startswith("bodies/")}
+        return bodies | self.scene.arrays_that_move()
+
     def identity(self) -> dict[str, str]:
-        """What a checkpoint's run must have in common with this one."""
+        """What a checkpoint's run must have in common with this one.  Collective."""
         bodies = {
-            f"body {n}": f"{len(body)} points of {described(body.material)}"
+            f"body {n}": f"{self.grid.comm.allreduce(len(body))} points of "
+            f"{described(body.material)}"
             for n, body in enumerate(self.bodies)
         }
         way = choices(self.mapping)
@@ -428,6 +482,29 @@ class Simulation(Run):
             return (np.concatenate(values) if len(values) > 1 else values[0])[rows]
 
         return np.concatenate([body.x for body in self.bodies]), read
+
+    def numbers_of(self, rows: np.ndarray) -> np.ndarray | None:
+        """Body and number (m, 2) of samples, where these may change their rows; None where they
+        stay."""
+        if self.migration is None:
+            return None
+        lengths = [len(body) for body in self.bodies]
+        body = np.repeat(np.arange(len(lengths)), lengths)[rows]
+        number = np.concatenate([body.number for body in self.bodies])[rows]
+        return np.column_stack((body, number))
+
+    def rows_of(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (k,) of those samples of ``numbers`` (m, 2) that are on this rank now, and which
+        (k,) of them these are."""
+        rows, which, start = [], [], 0
+        for n, body in enumerate(self.bodies):
+            asked = np.flatnonzero(numbers[:, 0] == n)
+            asked = asked[np.argsort(numbers[asked, 1], kind="stable")]
+            here = np.flatnonzero(np.isin(body.number, numbers[asked, 1]))
+            rows.append(start + here)
+            which.append(asked[np.searchsorted(numbers[asked, 1], body.number[here])])
+            start += len(body)
+        return np.concatenate(rows), np.concatenate(which)
 
     def holds(self, at: np.ndarray) -> bool:
         """Whether a place (dim,), m, lies among this rank's material points."""

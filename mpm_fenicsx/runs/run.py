@@ -155,6 +155,10 @@ class Run(Statics):
         """Places (n, dim) where the run knows a field, and a function from rows to values there."""
         raise NotImplementedError
 
+    def numbers_of(self, rows: np.ndarray) -> np.ndarray | None:
+        """Numbers (m, 2) that samples keep wherever they go; None where they stay in their rows."""
+        return None
+
     def holds(self, at: np.ndarray) -> bool:
         """Whether a place (dim,), m, lies inside this rank's part of the body."""
         raise NotImplementedError
@@ -246,6 +250,10 @@ class Run(Statics):
         """Take the values of ``state`` in place of the present ones."""
         for name, value in self.state().items():
             value[...] = state[name]
+
+    def arrays_that_move(self) -> set[str]:
+        """Names in ``state`` of arrays whose rows may be on another rank at another time."""
+        return set()
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one, in words."""

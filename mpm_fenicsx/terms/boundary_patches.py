@@ -15,6 +15,7 @@ from ..grid.grid import GridSurface
 from ..mapping.projection import AT_NODES, Projection, simpson
 from ..mapping.shape_functions import Stencil
 from ..mapping.surface_faces import Faces
+from ..points.migration import Destinations, Migration, resized
 from ..points.surface_points import SurfacePoints
 from .facets import on_facets
 from .load_functions import Load, combined
@@ -175,11 +176,16 @@ class PointPatch:
         self._at_rest = scene.at_rest
         self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
         self.faces = Faces(self.grid, points)
-        if self.grid.comm.size > 1:
+        self._held: dict[str, np.ndarray] = {}  # loads, row by row
+        self.migration = Migration(self.grid) if self.grid.comm.size > 1 else None
+        if self.migration is not None:
             self._leave_to_others()
         self.stencil = Stencil(self.grid, len(points), support=False)
         self._cell = self.grid.find(self._inward())
-        self._check()
+        if self.migration is None:
+            self._check()
+        else:
+            self._destinations()
         self._refresh: list[Callable[[float, float], None]] = []
 
     def _inward(self) -> np.ndarray:
@@ -196,31 +202,72 @@ class PointPatch:
             faces, k * (2 * grid.dim + 1)
         )
         keeper = keepers(grid.comm, things, (cell >= 0) & (cell < grid.owned_cells), cell >= 0)
-        lost, message = np.flatnonzero(keeper < 0), None
-        if len(lost):
-            message = self._lies(
-                k * lost[0], "outside the grid, or in a cell of a rank that was not given it"
-            )
-        self._refuse(message)
         if not (keeper == grid.comm.rank).all():
             points.keep(
                 (k * np.flatnonzero(keeper == grid.comm.rank)[:, None] + np.arange(k)).ravel()
             )
+        points.number_together(grid.comm)
+
+    def _destinations(self) -> tuple[np.ndarray, Destinations]:
+        """Cells (faces,) of the faces' centres as far as they are known here, and where they
+        belong.  Raises ``ValueError``, on all ranks, for those outside the grid."""
+        points, k, grid = self.points, self.points.per_face, self.grid
+        if len(self._cell) != len(points):  # another run has moved them
+            self._cell = grid.find(self._inward())
+            self.stencil.resize(len(points))
+        x, cell = points.x.reshape(-1, k, grid.dim).mean(axis=1), self._cell[::k].copy()
+        centre = self.faces.within(x, points.normal[::k])
+        grid.walk(centre, cell)
+        going = self.migration.destinations([(centre, cell)])
+        if going.lost:
+            self._refuse_lost(np.repeat(going.cells[0], k))
+        return cell, going
+
+    def _migrate(self) -> None:
+        """Whole faces go to the ranks that own the cells of their centres."""
+        cell, going = self._destinations()
+        if not going.moving[0]:
+            return
+        points, k = self.points, self.points.per_face
+        arrays = {
+            name: value.reshape(-1, k, *value.shape[1:])
+            for name, value in {**points.rows(), **self._held}.items()
+        }
+        found, rows, cells = self.migration.send(
+            {"cell": cell, **arrays}, going.cells[0], going.far
+        )
+        cell = found.pop("cell")
+        cell[rows] = cells
+        self._cell = np.repeat(cell, k)
+        self._take({name: value.reshape(-1, *value.shape[2:]) for name, value in found.items()})
+
+    def _take(self, arrays: dict[str, np.ndarray]) -> None:
+        """Other rows of the points and of what is held with them."""
+        self._held = {name: arrays.pop(name) for name in self._held}
+        self.points.take(arrays)
+        if len(self.stencil) != len(self.points):
+            self.stencil.resize(len(self.points))
+
+    def make_room(self, rows: int) -> None:
+        """So many points, whose values follow."""
+        if rows != len(self.points):
+            self._take(resized({**self.points.rows(), **self._held}, rows))
+            self._cell = np.zeros(rows, np.int32)
 
     def _lies(self, row: int, where: str) -> str:
         number = row if self.points.number is None else self.points.number[row]
         return f"surface point {number} at x={self.points.x[row]} lies {where}"
 
     def _check(self) -> None:
-        lost, message = np.flatnonzero(self._cell < 0), None
+        self._refuse_lost(self._cell)
+
+    def _refuse_lost(self, cell: np.ndarray) -> None:
+        """Raise ``ValueError``, on all ranks, where a point has a cell (n,) below zero."""
+        lost, message = np.flatnonzero(cell < 0), None
         if len(lost):
-            where = "outside the grid" + (
-                ", or too far from the cells of its rank, which is not supported yet"
-                if self.grid.comm.size > 1
-                else ""
-            )
-            message = self._lies(lost[0], where)
-            self._cell[lost] = 0  # whence to walk, should they be put back
+            message = self._lies(lost[0], "outside the grid")
+            if self.migration is None:
+                self._cell[lost] = 0  # whence to walk, should they be put back
         self._refuse(message)
 
     def _refuse(self, message: str | None) -> None:
@@ -275,7 +322,11 @@ class PointPatch:
                 f"{value!r}"
             )
         self._refuse(message)
-        return ufl.as_vector(self._field(self.grid.dim, lambda *_: constant)) if rows else None
+        if not rows:
+            return None
+        name = f"held {len(self._held)}"
+        self._held[name] = constant
+        return ufl.as_vector(self._field(self.grid.dim, lambda *_: self._held[name]))
 
     def load(self, function: Load, placed: bool, mean: bool = False):
         """A load (Pa) as it counts in the balance or, if ``mean``, its mean over the step."""
@@ -333,6 +384,8 @@ class PointPatch:
 
     def locate(self) -> None:
         """Find the points, and cut their faces where grid lines cross them."""
+        if self.migration is not None:
+            self._migrate()
         self.grid.walk(self._inward(), self._cell)
         self._check()
         self.stencil.place(self.points.x, None, self._cell)
@@ -364,6 +417,8 @@ class PointPatch:
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
+        if self.migration is not None:
+            return {**self.points.rows(), **self._held, "cell": self._cell}
         found = {
             "x": self.points.x,
             "normal": self.points.normal,

@@ -4,7 +4,7 @@ on."""
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -175,6 +175,21 @@ class Scene:
         for contribution in self.contributions:
             for follow in contribution.after:
                 follow()
+
+    def make_room(self, state: Mapping[str, np.ndarray]) -> None:
+        """Surface points become as many as they are in ``state``: on several ranks they move."""
+        for k, p in enumerate(self.patches):
+            if p.points is not None:
+                p.make_room(len(state[f"surfaces/{k}/x"]))
+
+    def arrays_that_move(self) -> set[str]:
+        """Names in ``state`` of the arrays of surface points."""
+        return {
+            f"surfaces/{k}/{name}"
+            for k, p in enumerate(self.patches)
+            if p.points is not None
+            for name in p.state()
+        }
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays of surfaces and terms that a restart needs, by name; not copied."""
