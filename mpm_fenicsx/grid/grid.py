@@ -300,6 +300,13 @@ class Grid:
         dolfinx_versions.gather(f)
         return f.x.array[dofs] > 0.0
 
+    def most_anywhere(self, marks: np.ndarray) -> np.ndarray:
+        """The largest of each cell's marks (cells,), 0, 1 or 2, on all ranks that know it."""
+        if self.comm.size == 1:
+            return marks
+        least, most = (self.marked_anywhere(marks >= mark) for mark in (1, 2))
+        return least.astype(marks.dtype) + most
+
     @cached_property
     def index(self) -> np.ndarray:
         """Which cell along each direction (cells, dim) each is, from 0 on: the same on any number

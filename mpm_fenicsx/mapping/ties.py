@@ -342,7 +342,7 @@ class Holding:
         grid, fills = self.ties.grid, self._fills
         nodes = grid.lattice.nodes
         pointed = grid.share_cells(pointed)
-        loaded = grid.share_cells(loaded)
+        loaded = grid.most_anywhere(loaded)  # a face may reach into cells of another rank
         if not self._everywhere and not np.array_equal(loaded, self._loaded):
             self._loaded, self._near = loaded.copy(), np.flatnonzero(grid.lattice.spread(loaded))
         fills.weigh(self._near, pointed)

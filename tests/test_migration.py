@@ -1,0 +1,62 @@
+"""Points, and faces of surfaces, cross from rank to rank, and compute what one rank computes."""
+
+import json
+import subprocess
+import sys
+
+import migrating
+import numpy as np
+import pytest
+from test_ranks import environment, mpiexec
+
+TOLERANCE = 1e-9
+"""Of the largest value of a field; the solver stops at 1e-13, Newton's method at 1e-12."""
+FEW = tuple(migrating.few(None))
+LONG = tuple(migrating.long(None))
+
+
+def on_ranks(ranks: int, which: str, out, *names: str, timeout: float = 900) -> dict:
+    program = mpiexec()
+    if program is None:
+        pytest.skip("no mpiexec beside Python or on PATH")
+    python = [sys.executable, "-m", "mpi4py", migrating.__file__]
+    command = [program, "-n", str(ranks), *python, str(out), which, *names]
+    done = subprocess.run(
+        command, env=environment(), capture_output=True, text=True, timeout=timeout
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    return json.loads(out.read_text())
+
+
+def compare(several: dict, serial: dict) -> None:
+    """All fields of a case by the points' numbers, and that points have crossed at all."""
+    assert sorted(several) == sorted(serial)
+    for quantity, rows in serial.items():
+        assert sorted(several[quantity]) == sorted(rows), quantity
+        a, b = (np.array([found[k] for k in rows]) for found in (several[quantity], rows))
+        size = np.abs(b).max(initial=0.0)
+        assert np.abs(a - b).max(initial=0.0) <= TOLERANCE * size, quantity
+
+
+@pytest.fixture(scope="module")
+def serial() -> dict:
+    return migrating.everything()
+
+
+@pytest.fixture(scope="module", params=[2, 3])
+def several(request, tmp_path_factory) -> dict:
+    return on_ranks(request.param, "few", tmp_path_factory.mktemp("ranks") / "out.json")
+
+
+@pytest.mark.parametrize("case", FEW)
+def test_points_that_cross_carry_what_they_carry_on_one_rank(several, serial, case):
+    compare(several[case], serial[case])
+
+
+@pytest.mark.validation
+@pytest.mark.parametrize("ranks", [2, 3, 4])
+@pytest.mark.parametrize("case", LONG)
+def test_the_papers_scenes_and_a_collapse_are_those_of_one_rank(case, ranks, tmp_path):
+    serial = migrating.everything("long", (case,))
+    several = on_ranks(ranks, "long", tmp_path / "out.json", case)
+    compare(several[case], serial[case])
