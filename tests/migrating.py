@@ -6,6 +6,7 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 from mpi4py import MPI
@@ -146,7 +147,7 @@ def block(dim: int, cells: int = 4, jitter: float = 0.0, material=SOIL, per_cell
     return grid, body, middle
 
 
-def spinning(dim: int, material=SOFT, mapping=mpm.DM_GC) -> dict:
+def spinning(dim: int, material=SOFT, mapping=mpm.DM_GC, terms: tuple = ()) -> dict:
     """A block that turns about the corner where ranks meet, and drifts."""
     grid, body, middle = block(dim, 4 if dim == 3 else 6, 0.2, material)
     away = body.x - middle
@@ -154,7 +155,7 @@ def spinning(dim: int, material=SOFT, mapping=mpm.DM_GC) -> dict:
     body.velocity[:, 0], body.velocity[:, 1] = -3.0 * away[:, 1] + 1.0, 3.0 * away[:, 0] + 0.5
     if dim == 3:
         body.velocity[:, 2] = 2.0 * away[:, 0]
-    run = mpm.Simulation(grid, body, mpm.Newmark(2e-2), [], mapping, EXACT)
+    run = mpm.Simulation(grid, body, mpm.Newmark(2e-2), terms, mapping, EXACT)
     watched = Watched(run)
     probes = [
         run.record(mpm.Probe(field, (middle + 0.1,) * dim))
@@ -194,7 +195,53 @@ def flying(dim: int, speed: float, mapping=mpm.DM_GC) -> dict:
     return found
 
 
-def two_bodies() -> dict:
+def by_hand(folder: Path) -> dict:
+    """Surfaces that every rank is given whole, with rows for all of it, in two runs one after the
+    other, the second on another grid; and pictures of both."""
+    body, numbers, found = None, None, {}
+    x = np.array([0.6, 0.75]) + 0.05 * np.arange(8)[:, None] * [1.0, 0.0]
+    faces = mpm.SurfacePoints(x, np.tile((0.0, 1.0), (8, 1)), np.full(8, 0.05), per_face=2)
+    load = 1e3 * np.sin(5.0 * x)
+    for lines in (np.linspace(0.0, 4.0, 9), np.linspace(-2.0, 4.0, 13)):
+        grid = mpm.Grid.rectilinear([lines, np.linspace(0.0, 1.0, 3)])
+        if body is None:
+            body = mpm.MaterialPoints.fill(
+                grid, SOFT_SOIL, 4, lambda x: (np.abs(x[0] - 0.75) < 0.25) & (x[1] < 0.75)
+            )
+            body.velocity = np.tile((14.0, 0.0), (len(body), 1))
+        terms = [mpm.Traction(faces, load), mpm.ViscoelasticBoundary(faces, LIGHT, 3.0)]
+        run = mpm.Simulation(grid, body, mpm.Newmark(2e-2), terms, mpm.DM_GC, EXACT)
+        watched = Watched(run)
+        numbers = numbers or watched.numbers  # of the first run
+        watched.numbers = numbers
+        shots = folder / f"by_hand_{len(lines)}"
+        run.record(mpm.Snapshots(shots, every=4))
+        for _ in range(6):
+            run.step()
+        assert shots.with_name(f"{shots.name}_points_000004.vtu").exists()
+        rows = np.hstack((faces.x, faces.displacement, faces.area[:, None]))
+        number = np.arange(len(faces)) if faces.number is None else faces.number
+        found[f"faces {len(lines)}"] = {
+            str(n): row.tolist() for n, row in zip(number, rows, strict=True)
+        }
+    return {**watched.result(), **found}
+
+
+def lacking() -> dict:
+    """A body that goes from the first of two cells to the second: ranks have one cell, or none."""
+    grid = mpm.Grid.box((0.0, 0.0), (2.0, 1.0), (2, 1))
+    body = mpm.MaterialPoints.fill(grid, SOFT_SOIL, 16, lambda x: (x[0] < 0.75) & (x[1] < 0.5))
+    body.velocity = np.tile((10.0, 1.0), (len(body), 1))
+    terms = [mpm.Traction(body.surface("top"), (1e3, 2e2))]
+    run = mpm.Simulation(grid, body, mpm.Newmark(2e-2), terms, mpm.DM_GC, EXACT)
+    watched = Watched(run, terms[0].on)
+    probe = run.record(mpm.Probe("velocity", (0.4, 0.2)))
+    for _ in range(6):
+        run.step()
+    return watched.result(probe)
+
+
+def two_bodies(mapping=mpm.GIMP) -> dict:
     """Two bodies of different material that fly together, one of which yields."""
     grid = mpm.Grid.box((0.0, 0.0), (6.0, 1.0), (12, 2))
     halves = (lambda x: (x[0] > 0.5) & (x[0] < 1.0), lambda x: (x[0] > 1.0) & (x[0] < 2.0))
@@ -205,7 +252,7 @@ def two_bodies() -> dict:
     ]
     for n, body in enumerate(bodies):
         body.velocity = np.tile((60.0 - 0.4 * n, 0.0), (len(body), 1))
-    run = mpm.Simulation(grid, bodies, mpm.Newmark(2e-3), [], mpm.GIMP, EXACT)
+    run = mpm.Simulation(grid, bodies, mpm.Newmark(2e-3), [], mapping, EXACT)
     watched = Watched(run)
     probe = run.record(mpm.Probe("stress", (1.0, 0.3)))
     for _ in range(16):
@@ -342,7 +389,14 @@ def few(folder: Path) -> dict:
         "flying 2D": lambda: flying(2, 0.4),
         "flying 2D, far jumps": lambda: flying(2, 3.5, mpm.GIMP),
         "flying 3D": lambda: flying(3, 0.7, mpm.DM_GC),
+        "spinning 2D, Hencky at points": lambda: spinning(2, SOFT, mpm.GIMP),
+        "spinning 2D, B-bar": lambda: spinning(
+            2, SOFT_SOIL, replace(mpm.DM_GC, b_bar=True), (mpm.GhostPenalty(),)
+        ),
         "two bodies": two_bodies,
+        "two bodies, double mapping": lambda: two_bodies(mpm.DM_GC),
+        "by hand": lambda: by_hand(folder),
+        "two cells": lacking,
         "halved": lambda: halved(folder),
         "lost": lost,
     }

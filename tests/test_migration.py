@@ -53,6 +53,13 @@ def test_points_that_cross_carry_what_they_carry_on_one_rank(several, serial, ca
     compare(several[case], serial[case])
 
 
+def test_one_rank_has_no_numbers_and_sends_nothing():
+    grid, body, _ = migrating.block(2)
+    run = migrating.mpm.Simulation(grid, body, migrating.mpm.Newmark(1e-3), [])
+    run.step()
+    assert run.migration is None and body.number is None and "bodies/0/number" not in run.state()
+
+
 @pytest.mark.validation
 @pytest.mark.parametrize("ranks", [2, 3, 4])
 @pytest.mark.parametrize("case", LONG)
