@@ -198,7 +198,7 @@ def flying(dim: int, speed: float, mapping=mpm.DM_GC) -> dict:
 def by_hand(folder: Path) -> dict:
     """Surfaces that every rank is given whole, with rows for all of it, in two runs one after the
     other, the second on another grid; and pictures of both."""
-    body, numbers, found = None, None, {}
+    body, watched, found = None, None, {}
     x = np.array([0.6, 0.75]) + 0.05 * np.arange(8)[:, None] * [1.0, 0.0]
     faces = mpm.SurfacePoints(x, np.tile((0.0, 1.0), (8, 1)), np.full(8, 0.05), per_face=2)
     load = 1e3 * np.sin(5.0 * x)
@@ -211,9 +211,9 @@ def by_hand(folder: Path) -> dict:
             body.velocity = np.tile((14.0, 0.0), (len(body), 1))
         terms = [mpm.Traction(faces, load), mpm.ViscoelasticBoundary(faces, LIGHT, 3.0)]
         run = mpm.Simulation(grid, body, mpm.Newmark(2e-2), terms, mpm.DM_GC, EXACT)
-        watched = Watched(run)
-        numbers = numbers or watched.numbers  # of the first run
-        watched.numbers = numbers
+        before, watched = watched, Watched(run)
+        if before is not None:
+            watched.numbers, watched.crossing.count = before.numbers, before.crossing.count
         shots = folder / f"by_hand_{len(lines)}"
         run.record(mpm.Snapshots(shots, every=4))
         for _ in range(6):
