@@ -25,8 +25,8 @@ class Snapshots:
 
     - ``<path>_points.pvd``, of ``<path>_points_000020.vtu``, …: velocity (m/s), stress, mean_stress
       (tension positive) and von_mises q (Pa), volume (m³), density (kg/m³), half (m; half the
-      support domain), body (number from 0), and whatever else the points carry as one row a point
-      (NaN in a body that does not carry it);
+      support domain), body (number from 0), on several ranks the points' number, and whatever else
+      the points carry as one row a point (NaN in a body that does not carry it);
     - ``<path>_grid.pvd``, of ``<path>_grid_000020.vtu``, …: the fields of ``run.grid_fields()`` on
       nodes and cells;
     - with ``grid_stress``, ``<path>_stress.pvd``, of ``<path>_stress_000020.vtu``, …: the stress on

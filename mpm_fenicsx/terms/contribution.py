@@ -33,7 +33,8 @@ class Contribution:
     ``before``: functions of the step's start and end (s), called before it is solved.
     ``after``: functions called when a step is made, halves of a step too.
     ``memory``: arrays by name that ``after`` changes in place, and that the next step depends on: a
-    checkpoint keeps them, and a step that is taken back takes them back.
+    checkpoint keeps them, and a step that is taken back takes them back.  On several ranks rows of
+    points do not follow these to other ranks.
     ``symmetric``: whether the derivative of ``work`` is.
     ``holds``: it keeps a body from rigid motions that supports leave free, as springs do; a
     quasi-static run then does not refuse those.
