@@ -106,7 +106,7 @@ class Probe(Series):
                 np.concatenate(of_ranks)
                 for of_ranks in zip(*run.grid.comm.allgather(mine), strict=True)
             ]
-            self._arrangement = run.arrangement
+            self._arrangement = None  # sums go by rows at once, as after a restart
         self(run)
 
     def __call__(self, run: Run) -> None:
