@@ -31,6 +31,7 @@ BARS = {  # pieces that share a bar, its colour and hatch: points' work blue, th
     "assemble": (("assemble",), RED, ""),
     "factor": (("factor",), YELLOW, ""),
     "solve": (("solve",), GREEN, ""),
+    "correct": (("correct",), GREEN, "////"),
     "load, record, other": (("load", "record", "other"), GREY, ""),
 }
 LINES = {

@@ -13,6 +13,8 @@ from . import dolfinx_versions
 from .grid import Grid
 
 DEGREE = 3
+PLACE = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+"""Of the Gauss points along a direction of the reference cell."""
 
 
 @jit
@@ -104,8 +106,7 @@ class GaussPoints:
         """Values (cells, 2^dim, f) at the corners of cells, x fastest, of the function that is
         bilinear (trilinear) in each cell and has ``values`` (points, f) here; rectilinear grids."""
         per_cell = self.digit.shape[1]
-        place = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
-        line = np.array([[place[1] - c, c - place[0]] for c in (0, 1)]) * np.sqrt(3.0)
+        line = np.array([[PLACE[1] - c, c - PLACE[0]] for c in (0, 1)]) * np.sqrt(3.0)
         corner = digits(2, self.grid.dim)
         weight = line[corner[None, :, None, :], self.digit[:, None, :, :]].prod(axis=3)
         return np.einsum("ckq,cqf->ckf", weight, values.reshape(-1, per_cell, values.shape[1]))

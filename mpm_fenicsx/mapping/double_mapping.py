@@ -5,12 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from ..common.compiled import digits, jit
-from ..grid.gauss_points import GaussPoints
+from ..grid.gauss_points import PLACE, GaussPoints
 from ..points.material_points import MaterialPoints
 from .projection import DOUBLE_MAPPED
 from .shape_functions import Stencil
-
-PLACE = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)  # of the Gauss points along a direction
 
 
 @jit
