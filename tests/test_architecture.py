@@ -32,7 +32,7 @@ ARROWS = 60
 """So many imports between folders are a picture that can still be read."""
 PARALLEL = {"dolfinx", "ufl", "basix", "ffcx", "petsc4py", "mpi4py"}
 WITHOUT_DOLFINX = ("analytical", "common", "materials")
-BEFORE_DOLFINX = {"common.requirements", "common.ranks"}
+BEFORE_DOLFINX = {"common.requirements", "common.ranks", "common.exchange"}
 """They see that DOLFINx is there, and speak MPI."""
 INNER = (
     *("motion", "region", "scene", "contributions", "supports", "properties", "update"),

@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from .ranks import anywhere
+
 
 def named(path: str | os.PathLike) -> Path:
     """The absolute path, or ``ValueError`` where it has no name."""
@@ -33,15 +35,15 @@ def complete(file: Path) -> Iterator[Path]:
 
 @contextmanager
 def failing_together(comm, what: str, path: Path) -> Iterator[None]:
-    """Make what goes wrong on the first rank an ``OSError`` of every rank, which says ``what``
-    failed and ``path``."""
+    """Make what goes wrong on a rank an ``OSError`` of every rank, which says ``what`` failed and
+    ``path``."""
     failure = cause = None
     try:
         yield
     except Exception as error:
         cause = error
         failure = getattr(error, "errno", None) or 0, getattr(error, "strerror", None) or str(error)
-    failure = comm.bcast(failure)
+    failure = anywhere(comm, failure)
     if failure:
         number, reason = failure
         raise OSError(number, f"{what}: {reason}", str(path)) from cause

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 from mpi4py import MPI
 
 import numpy as np
 
+T = TypeVar("T")
 
-def anywhere(comm: MPI.Comm, message: str | None) -> str | None:
+
+def anywhere(comm: MPI.Comm, message: T | None) -> T | None:
     """The first message that a rank has, on every rank: all stop together, or none does."""
     if comm.size == 1:
         return message

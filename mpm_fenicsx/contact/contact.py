@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from itertools import combinations
 from typing import NoReturn
@@ -11,9 +11,11 @@ from typing import NoReturn
 import numpy as np
 
 from ..common.errors import OutputError, SolverError
+from ..common.spread import Part
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..points.surface_points import SurfacePoints
 from ..runs.material_points import Simulation
+from ..runs.redistribution import part_of
 from ..runs.run import Run
 from ..runs.scene_checks import pairs_of
 from .complementarity import complementary
@@ -232,6 +234,14 @@ class Contact(Run):
             **found,
             **{f"contact/{name}": λ for name, λ in self.gaps.state().items()},
         }
+
+    def part(self) -> Part:
+        """The state of all runs."""
+        return part_of(self.grid, self.state())
+
+    def misfit(self, parts: Sequence[Part]) -> str:
+        """Other ranks, or nodes in another order, cannot go on with bodies that may touch."""
+        return "contact goes on on one rank, with the grid's nodes in the order they had"
 
     def identity(self) -> dict[str, str]:
         """What a checkpoint's run must have in common with this one."""

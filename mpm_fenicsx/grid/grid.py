@@ -332,6 +332,16 @@ class Grid:
         return self.index @ np.concatenate(([1], np.cumprod(most[:-1])))
 
     @cached_property
+    def node_numbers(self) -> np.ndarray:
+        """One number (nodes,) for each node, ghosts included, the same on any number of ranks.
+        Collective when it is first asked for."""
+        most = 2 + np.array(self.comm.allgather(self.index.max(axis=0, initial=-1))).max(axis=0)
+        corners = self.index[:, None] + digits(2, self.dim)
+        numbers = np.empty(self.nodes, np.int64)
+        numbers[self.lattice.nodes] = corners @ np.concatenate(([1], np.cumprod(most[:-1])))
+        return numbers
+
+    @cached_property
     def smallest(self) -> float:
         """Least extent (m) of any cell on any rank.  Collective when it is first asked for."""
         extent = self.lattice.upper - self.lattice.lower

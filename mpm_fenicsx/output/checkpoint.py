@@ -1,26 +1,34 @@
-"""Checkpoints: all that a run needs to go on bit for bit, in one file that is whole or not
-there."""
+"""Checkpoints: all that a run needs to go on bit for bit, in files that are whole or not there."""
 
 from __future__ import annotations
 
 import errno
 import json
 import os
+import re
 import tempfile
 import zipfile
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+from uuid import uuid4
+
+from mpi4py import MPI
 
 import numpy as np
 
 from ..common.checks import in_short, whole
 from ..common.files import complete, failing_together, named
 from ..common.ranks import anywhere, together
+from ..common.spread import Part
 
 NO_CHECKPOINT = (
     "it is no checkpoint, or not a whole one: give the file that a recorder Checkpoint wrote"
 )
+
+
+LABELS = ("cells", "nodes", "owned")
 
 
 class Checkpoint:
@@ -30,8 +38,11 @@ class Checkpoint:
     The file (NumPy's npz) holds the last checkpoint only.  It replaces its forerunner when it is
     complete, so that a full disk, or an end of the process while it is written, leaves the one
     before.  Nothing is written when attached: a script that is started again may attach it and then
-    call ``restart``.  It looks after all other recorders, whose series it keeps.  Several ranks
-    write one file, which as many ranks can read.
+    call ``restart``.  It looks after all other recorders, whose series it keeps.
+
+    On several ranks each writes a file of its own, ``<path>.<tag>.<rank>``, and when all are
+    complete the first rank replaces ``path``, which names them, and removes those of before.  Any
+    number of ranks can go on from them.
 
     Raises ``ValueError`` for a ``path`` without name or ``every`` < 1, and when it writes, for a
     recorder whose ``state()`` cannot be kept; ``OSError`` naming the path, on every rank, when
@@ -60,14 +71,16 @@ class Checkpoint:
 
 
 def write(run, path: Path) -> None:
-    """Write the run's state and its recorders' to one file, on the first rank."""
+    """Write the run's state and its recorders', each rank its own."""
     comm = run.grid.comm
-    mine = {"identity": np.array(json.dumps(run.identity()))}
+    mine = {"identity": np.array(json.dumps(run.identity())), "partition": run.partition()}
     with together(comm):
         recorded = {
             label: _arrays(label, recorder) for label, recorder in _remembering(run).items()
         }
-    mine.update({f"run/{name}": value for name, value in run.state().items()})
+    part = run.part()
+    mine.update({f"part/{name}": getattr(part, name) for name in LABELS})
+    mine.update({f"run/{name}": value for name, value in part.state.items()})
     mine.update(
         {
             f"recorders/{label}/{name}": value
@@ -75,66 +88,118 @@ def write(run, path: Path) -> None:
             for name, value in arrays.items()
         }
     )
-    ranks = comm.gather(mine)
+    head = {"steps": np.array(run.steps), "ranks": np.array(comm.size)}
+    if comm.size == 1:
+        with failing_together(comm, "checkpoint not written", path):
+            _save(path, {**head, **{f"0/{name}": value for name, value in mine.items()}})
+        return
+    tag = comm.bcast(uuid4().hex[:8])
+    with failing_together(comm, "checkpoint not written", path):
+        _save(_part(path, tag, comm.rank), mine)
     with failing_together(comm, "checkpoint not written", path):
         if comm.rank == 0:
-            arrays = {
-                "steps": np.array(run.steps),
-                "ranks": np.array(comm.size),
-                **{
-                    f"{k}/{name}": value
-                    for k, part in enumerate(ranks)
-                    for name, value in part.items()
-                },
-            }
-            with complete(path) as part, open(part, "wb") as file:
-                with zipfile.ZipFile(
-                    file, "w"
-                ) as store:  # NumPy's savez does not close it when the disk is full
-                    for name, value in arrays.items():
-                        with store.open(name + ".npy", "w", force_zip64=True) as entry:
-                            np.lib.format.write_array(
-                                entry, np.asanyarray(value), allow_pickle=False
-                            )
-                file.flush()
-                os.fsync(file.fileno())
+            _save(path, {**head, "tag": np.array(tag)})
+            _remove_others(path, tag)
+
+
+def _part(path: Path, tag: str, rank: int) -> Path:
+    """The file of a rank."""
+    return path.with_name(f"{path.name}.{tag}.{rank}")
+
+
+def _remove_others(path: Path, tag: str) -> None:
+    """Remove the files of ranks that are not of the checkpoint with this tag."""
+    of_ranks = re.compile(re.escape(path.name) + r"\.([0-9a-f]{8})\.\d+(\.part)?")
+    for file in path.parent.iterdir():
+        found = of_ranks.fullmatch(file.name)
+        if found and found[1] != tag:
+            with suppress(OSError):
+                file.unlink()
+
+
+def _save(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Write one file, on the disk when it gets its name."""
+    with complete(path) as part, open(part, "wb") as file:
+        with zipfile.ZipFile(file, "w") as store:  # NumPy's savez does not close it on a full disk
+            for name, value in arrays.items():
+                with store.open(name + ".npy", "w", force_zip64=True) as entry:
+                    np.lib.format.write_array(entry, np.asanyarray(value), allow_pickle=False)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def restart(run, path: str | os.PathLike) -> None:
     """Set the run to the state in a file; see ``Run.restart``."""
     comm, path = run.grid.comm, named(path)
-    parts = steps = None
+    head = None
     with failing_together(comm, "checkpoint not read", path):
         if comm.rank == 0:
-            steps, parts = _read(path)
-    ranks = comm.bcast(parts and len(parts))
+            head = _head(path)
+    steps, ranks, tag = comm.bcast(head)
+    with failing_together(comm, "checkpoint not read", path):
+        files = [_read(path, tag, rank) for rank in range(comm.rank, ranks, comm.size)]
+    found = comm.bcast(str(files[0]["identity"]) if files else None)
+    found, here = json.loads(found), run.identity()
     if ranks != comm.size:
-        raise ValueError(f"{path}: it is of a run on {ranks} ranks, and here are {comm.size}")
-    steps, kept, recorders = comm.bcast(steps), comm.scatter(parts), _remembering(run)
-    found = json.loads(str(kept.pop("identity")))
-    message = anywhere(
-        comm,
-        _difference(found, run.identity())
-        or _misfit(kept, run.state(), recorders, run.arrays_that_move()),
+        found, here = _without_arrays(found), _without_arrays(here)
+    _refuse(comm, path, _difference(found, here))
+    parts = [
+        Part(*(file[f"part/{name}"] for name in LABELS), _below("run/", file)) for file in files
+    ]
+    recorders, state = _remembering(run), run.state()
+    stays = ranks == comm.size and comm.allreduce(
+        int(
+            np.array_equal(files[0]["partition"], run.partition())
+            and set(parts[0].state) == set(state)
+        ),
+        op=MPI.MIN,
     )
-    if message:
-        raise ValueError(f"{path}: {message}")
-    run.restore({name: kept[f"run/{name}"] for name in run.state()})
+    if stays:
+        recorded = _below("recorders/", files[0])
+        message = _misfit(parts[0].state, state, run.arrays_that_move())
+    else:
+        recorded = comm.bcast(_below("recorders/", files[0]) if files else None)
+        message = run.misfit(parts)
+    _refuse(comm, path, message or _unknown(recorders, recorded))
+    if stays:
+        run.restore(parts[0].state)
+    else:
+        run.receive(parts)
     for label, recorder in recorders.items():
-        recorder.restore(_below(f"recorders/{label}/", kept))
+        recorder.restore(_below(f"{label}/", recorded))
     run.resume(steps)
 
 
-def _read(path: Path) -> tuple[int, list[dict[str, np.ndarray]]]:
-    """Steps done, and the arrays of each rank."""
+def _refuse(comm, path: Path, message: str | None) -> None:
+    """Raise ``ValueError``, on all ranks, where one has a message."""
+    message = anywhere(comm, message)
+    if message:
+        raise ValueError(f"{path}: {message}")
+
+
+def _head(path: Path) -> tuple[int, int, str | None]:
+    """Steps done, on how many ranks, and the tag of these ranks' files where they have some."""
     with open(path, "rb") as file:
         if not zipfile.is_zipfile(file):
             raise ValueError(NO_CHECKPOINT)
     with np.load(path, allow_pickle=False) as file:
         if "steps" not in file or "ranks" not in file:
             raise ValueError(NO_CHECKPOINT)
+        tag = str(file["tag"]) if "tag" in file else None
+        return int(file["steps"]), int(file["ranks"]), tag
+
+
+def _read(path: Path, tag: str | None, rank: int) -> dict[str, np.ndarray]:
+    """The arrays of a rank."""
+    if tag is not None:
+        path = _part(path, tag, rank)
+        if not path.exists():
+            raise FileNotFoundError(
+                errno.ENOENT, f"the checkpoint names {path.name} beside it, which is not there"
+            )
+    with np.load(path, allow_pickle=False) as file:
         arrays = dict(file)
-    return int(arrays["steps"]), [_below(f"{k}/", arrays) for k in range(int(arrays["ranks"]))]
+    return arrays if tag is not None else _below(f"{rank}/", arrays)
 
 
 def _below(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -187,22 +252,32 @@ def _difference(found: dict[str, str], here: dict[str, str]) -> str | None:
     return None
 
 
+def _without_arrays(words: Mapping[str, str]) -> dict[str, str]:
+    """Words without what arrays hold row by row, of which other ranks may have other rows."""
+    return {
+        name: re.sub(r"(array \([\d, ]*\)|field) \S+, [^,)]+|\[\[.*?\]\]|\[\]", "rows", word)
+        for name, word in words.items()
+    }
+
+
 def _misfit(
-    kept: dict[str, np.ndarray],
-    state: dict[str, np.ndarray],
-    recorders: dict[str, object],
-    moving: set[str],
+    kept: Mapping[str, np.ndarray], state: Mapping[str, np.ndarray], moving: set[str]
 ) -> str | None:
     """The first array of a checkpoint that does not fit the run; those that are ``moving`` may have
     more or fewer rows."""
-    for name in {**state, **_below("run/", kept)}:
+    for name in {**state, **kept}:
         found, here = (
             None if a is None else (a.dtype.name, a.shape[name in moving :])
-            for a in (kept.get(f"run/{name}"), state.get(name))
+            for a in (kept.get(name), state.get(name))
         )
         if found != here:
             return f"{name} is {found} in the checkpoint, and here {here}"
-    known = {name.split("/")[1] for name in kept if name.startswith("recorders/")}
+    return None
+
+
+def _unknown(recorders: Mapping[str, object], recorded: Mapping[str, np.ndarray]) -> str | None:
+    """The first recorder that a checkpoint does not know."""
+    known = {name.split("/")[0] for name in recorded}
     for label, recorder in recorders.items():
         if label not in known and _arrays(label, recorder):
             return (

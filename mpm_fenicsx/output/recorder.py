@@ -28,10 +28,10 @@ class Run(Protocol):
         """Places (n, dim), m, where a field is known on this rank, and a function from rows to
         values there."""
 
-    def numbers_of(self, rows: np.ndarray) -> np.ndarray | None:
-        """Numbers (m, 2) that samples keep where they may go to other rows and ranks, after which
-        ``arrangement`` is another number and ``rows_of(numbers)`` says which are where; None where
-        they stay."""
+    def numbers_of(self, field: str, rows: np.ndarray) -> np.ndarray | None:
+        """Numbers (m, k) that samples of a field keep where they may go to other rows and ranks,
+        after which ``arrangement`` is another number and ``rows_of(field, numbers)`` says which are
+        where; None where they stay."""
 
     def holds(self, at: np.ndarray) -> bool:
         """Whether a place (dim,), m, lies inside this rank's part of the body."""

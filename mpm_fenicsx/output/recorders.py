@@ -87,7 +87,8 @@ class Probe(Series):
         if self.at.shape != (run.grid.dim,) or not np.isfinite(self.at).all():
             raise ValueError(f"at must be {run.grid.dim} finite coordinates, got {self.at}")
         on_the_grid = self.field == ON_THE_GRID
-        places, self._read = run.sampler("displacement" if on_the_grid else self.field)
+        self._samples = "displacement" if on_the_grid else self.field
+        places, self._read = run.sampler(self._samples)
         if not any(run.grid.comm.allgather(run.holds(self.at))):
             raise ValueError(
                 f"at must lie inside the body, got {self.at}; "
@@ -97,7 +98,7 @@ class Probe(Series):
         self._rows, self._weights = _nearest(places / h, self.at / h, run.grid.comm)
         self._start = self._read(self._rows) if self.field == "displacement" else np.zeros(())
         self._of_all = None
-        numbers = run.numbers_of(self._rows)
+        numbers = run.numbers_of(self._samples, self._rows)
         if numbers is not None:
             like = self._start.shape[1:] or (1,)
             start = np.broadcast_to(self._start, (len(numbers), *like))
@@ -113,7 +114,7 @@ class Probe(Series):
         """Write down the value now."""
         if self._of_all is not None and run.arrangement != self._arrangement:
             numbers, weights, start = self._of_all
-            self._rows, which = run.rows_of(numbers)
+            self._rows, which = run.rows_of(self._samples, numbers)
             self._weights, self._start = weights[which], start[which]
             self._arrangement = run.arrangement
         value = run.grid.comm.allreduce(self._weights @ (self._read(self._rows) - self._start))

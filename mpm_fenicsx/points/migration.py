@@ -16,6 +16,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from ..common.exchange import exchanged, packed, unpacked
 from ..grid.grid import Grid
 
 _neighbours: WeakKeyDictionary[Grid, tuple[np.ndarray, MPI.Distgraphcomm]] = WeakKeyDictionary()
@@ -106,9 +107,9 @@ class Migration:
         to = self._owner(cells)
         leaving = np.flatnonzero(to != comm.rank)
         order = leaving[np.argsort(to[leaving], kind="stable")]
-        rows = _packed([cells, *arrays.values()], order)
+        rows = packed([cells, *arrays.values()], order)
         came = self._exchange(rows, to[order], far)
-        number, *new = _unpacked(came, [cells, *arrays.values()])
+        number, *new = unpacked(came, [cells, *arrays.values()])
         found = {
             name: _replaced(array, leaving, come)
             for (name, array), come in zip(arrays.items(), new, strict=True)
@@ -120,24 +121,19 @@ class Migration:
 
     def _exchange(self, rows: np.ndarray, to: np.ndarray, far: bool) -> np.ndarray:
         """Send rows of bytes (n, width) to ranks ``to`` (n,), sorted; returns those that come."""
-        comm, width = self.grid.comm, rows.shape[1]
-        partners = np.arange(comm.size) if far else self._beside
-        count = np.bincount(to, minlength=comm.size)[partners].astype(np.int32)
-        back = np.empty_like(count)
+        count = np.bincount(to, minlength=self.grid.comm.size)
         if far:
-            comm.Alltoall(count, back)
-        elif len(partners):
+            return exchanged(self.grid.comm, rows, count)
+        count, width = count[self._beside].astype(np.int32), rows.shape[1]
+        back = np.empty_like(count)
+        if len(count):
             self._neighbours.Neighbor_alltoall(count, back)
         came = np.empty((back.sum(), width), np.uint8)
-        if not len(partners):
+        if not len(count):
             return came
         row = MPI.BYTE.Create_contiguous(width).Commit()
         start, end = (np.concatenate(([0], np.cumsum(n)[:-1])) for n in (count, back))
-        sent, received = [rows, (count, start), row], [came, (back, end), row]
-        if far:
-            comm.Alltoallv(sent, received)
-        else:
-            self._neighbours.Neighbor_alltoallv(sent, received)
+        self._neighbours.Neighbor_alltoallv([rows, (count, start), row], [came, (back, end), row])
         row.Free()
         return came
 
@@ -145,32 +141,6 @@ class Migration:
 def resized(arrays: Mapping[str, np.ndarray], rows: int) -> dict[str, np.ndarray]:
     """Empty arrays of the same kinds for so many rows."""
     return {name: np.empty((rows, *a.shape[1:]), a.dtype) for name, a in arrays.items()}
-
-
-def _packed(arrays: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
-    """Rows of all arrays, side by side as bytes (rows, width)."""
-    return np.concatenate(
-        [
-            np.ascontiguousarray(a[rows]).view(np.uint8).reshape(len(rows), _width(a))
-            for a in arrays
-        ],
-        axis=1,
-    )
-
-
-def _unpacked(rows: np.ndarray, like: Sequence[np.ndarray]) -> list[np.ndarray]:
-    """The arrays that ``_packed`` has put side by side, of the kinds of ``like``."""
-    end = np.cumsum([_width(a) for a in like])
-    parts = np.split(rows, end[:-1], axis=1)
-    return [
-        np.ascontiguousarray(part).reshape(-1).view(a.dtype).reshape(len(rows), *a.shape[1:])
-        for part, a in zip(parts, like, strict=True)
-    ]
-
-
-def _width(a: np.ndarray) -> int:
-    """Bytes of a row."""
-    return a.dtype.itemsize * int(np.prod(a.shape[1:]))
 
 
 def _replaced(a: np.ndarray, leaving: np.ndarray, new: np.ndarray) -> np.ndarray:

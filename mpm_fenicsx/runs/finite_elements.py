@@ -14,6 +14,7 @@ from ufl import inner
 from ..common import tensors
 from ..common.checks import an_object
 from ..common.compiled import digits
+from ..common.spread import Part, Spread
 from ..dynamics.motion import Motion
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid import dolfinx_versions
@@ -246,6 +247,21 @@ class FiniteElements(Run):
             **{f"yielding/{name}": value for name, value in law.items()},
         }
 
+    def spread(self) -> dict[str, Spread]:
+        """How the arrays of ``state`` lie on the ranks."""
+        law = {} if self.yielding is None else self.yielding.memory()
+        return {
+            **super().spread(),
+            "displacement": Spread.NODES,
+            **{f"yielding/{name}": Spread.CELLS for name in law},
+        }
+
+    def receive(self, parts: Sequence[Part]) -> None:
+        """Take the state that lay on other ranks, of which each rank now holds some parts."""
+        super().receive(parts)
+        if self.yielding is not None:
+            self.yielding.derive()
+
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Take the values of ``state`` in place of the present ones."""
         super().restore(state)
@@ -275,6 +291,24 @@ class FiniteElements(Run):
         values = self.nodal(field)
         owned = grid.space.dofmap.index_map.size_local
         return grid.space.tabulate_dof_coordinates()[:owned, : grid.dim], lambda rows: values[rows]
+
+    def numbers_of(self, field: str, rows: np.ndarray) -> np.ndarray:
+        """Numbers (m, 1) of nodes, or of cells for stress."""
+        return self._numbers(field)[rows][:, None]
+
+    def rows_of(self, field: str, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (k,) of those of ``numbers`` (m, 1) that are this rank's, and which (k,) of them
+        these are."""
+        mine = {number: row for row, number in enumerate(self._numbers(field).tolist())}
+        found = [(mine[n], k) for k, n in enumerate(numbers[:, 0].tolist()) if n in mine]
+        rows, which = np.array(found, np.int64).reshape(-1, 2).T
+        return rows, which
+
+    def _numbers(self, field: str) -> np.ndarray:
+        grid = self.grid
+        if field == "stress":
+            return grid.cell_numbers[: grid.owned_cells]
+        return grid.node_numbers[: grid.space.dofmap.index_map.size_local]
 
     def _nodal_fields(self) -> dict[str, fem.Function]:
         return {**super()._nodal_fields(), "displacement": self.displacement}

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..common.errors import RunError
 from ..common.ranks import anywhere
+from ..common.spread import Spread
 from ..dynamics.motion import Motion
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid.gauss_points import GaussPoints
@@ -99,7 +100,6 @@ class Simulation(Run):
         self._of = [f"body {n}, " if len(self.bodies) > 1 else "" for n in range(len(self.bodies))]
         motion = self.motion = Motion(grid, stepping)
         self.migration = Migration(grid) if grid.comm.size > 1 else None
-        self.arrangement = 0
         self.cells = [enter(body, grid, self.migration) for body in self.bodies]
         self.stencils = [Stencil(grid, len(body), mapping.support) for body in self.bodies]
         self.composites = self._composite_patches() if mapping.composite else []
@@ -449,6 +449,26 @@ class Simulation(Run):
             self.arrangement += 1
         super().restore(state)
 
+    def spread(self) -> dict[str, Spread]:
+        """How the arrays of ``state`` lie on the ranks."""
+        found = {name: Spread.ROWS for name in self.state() if name.startswith("bodies/")}
+        given = {f"properties/{name}": Spread.CELLS for name in self.properties.state()}
+        return {**super().spread(), **found, **given}
+
+    def clouds(self) -> dict[str, int]:
+        """Bodies and surfaces by their names in ``state``, and how many of their points in a row
+        are one face."""
+        return {f"bodies/{n}": 1 for n in range(len(self.bodies))} | super().clouds()
+
+    def take_points(self, cloud: str, arrays: dict[str, np.ndarray]) -> None:
+        """Points become those of other arrays, by the names of ``state`` below theirs."""
+        if not cloud.startswith("bodies/"):
+            return super().take_points(cloud, arrays)
+        n = int(cloud.split("/")[1])
+        self.cells[n] = arrays.pop("cell")
+        self.bodies[n].take(arrays)
+        self._make_room(n)
+
     def arrays_that_move(self) -> set[str]:
         """Names in ``state`` of arrays whose rows may be on another rank at another time."""
         if self.migration is None:
@@ -483,28 +503,31 @@ class Simulation(Run):
 
         return np.concatenate([body.x for body in self.bodies]), read
 
-    def numbers_of(self, rows: np.ndarray) -> np.ndarray | None:
-        """Body and number (m, 2) of samples, where these may change their rows; None where they
-        stay."""
-        if self.migration is None:
-            return None
+    def numbers_of(self, field: str, rows: np.ndarray) -> np.ndarray:
+        """Body and number (m, 2) of samples; on one rank the number of a point is its row, unless
+        it has come from a run on several."""
         lengths = [len(body) for body in self.bodies]
         body = np.repeat(np.arange(len(lengths)), lengths)[rows]
-        number = np.concatenate([body.number for body in self.bodies])[rows]
-        return np.column_stack((body, number))
+        return np.column_stack((body, np.concatenate(self._numbers())[rows]))
 
-    def rows_of(self, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def rows_of(self, field: str, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rows (k,) of those samples of ``numbers`` (m, 2) that are on this rank now, and which
-        (k,) of them these are."""
+        (k,) of them these are, in their order."""
         rows, which, start = [], [], 0
-        for n, body in enumerate(self.bodies):
+        for n, number in enumerate(self._numbers()):
             asked = np.flatnonzero(numbers[:, 0] == n)
             asked = asked[np.argsort(numbers[asked, 1], kind="stable")]
-            here = np.flatnonzero(np.isin(body.number, numbers[asked, 1]))
+            here = np.flatnonzero(np.isin(number, numbers[asked, 1]))
             rows.append(start + here)
-            which.append(asked[np.searchsorted(numbers[asked, 1], body.number[here])])
-            start += len(body)
-        return np.concatenate(rows), np.concatenate(which)
+            which.append(asked[np.searchsorted(numbers[asked, 1], number[here])])
+            start += len(number)
+        order = np.argsort(np.concatenate(which))
+        return np.concatenate(rows)[order], np.concatenate(which)[order]
+
+    def _numbers(self) -> list[np.ndarray]:
+        return [
+            np.arange(len(body)) if body.number is None else body.number for body in self.bodies
+        ]
 
     def holds(self, at: np.ndarray) -> bool:
         """Whether a place (dim,), m, lies among this rank's material points."""

@@ -13,12 +13,14 @@ from dolfinx import fem
 
 from ..common.checks import finite, one_of
 from ..common.errors import OutputError, RunError, SolverError
+from ..common.spread import Part, Spread
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid
 from ..grid.stress_field import StressField
 from ..output.checkpoint import restart
 from .identity import described
+from .redistribution import below, fields, misfit, part_of, rows_of_points
 from .scene_checks import check_run, terms_of
 from .statics import Statics
 
@@ -37,6 +39,7 @@ class Run(Statics):
         self._clock = np.zeros(2)  # steps and time (s) at which the present step came into use
         self._begun = False
         self.steps = 0
+        self.arrangement = 0  # another number where samples have other rows, or ranks
         self.recorders: list[Callable] = []
         self.collectors: list = []
 
@@ -155,9 +158,14 @@ class Run(Statics):
         """Places (n, dim) where the run knows a field, and a function from rows to values there."""
         raise NotImplementedError
 
-    def numbers_of(self, rows: np.ndarray) -> np.ndarray | None:
-        """Numbers (m, 2) that samples keep wherever they go; None where they stay in their rows."""
+    def numbers_of(self, field: str, rows: np.ndarray) -> np.ndarray | None:
+        """Numbers (m, k) that samples of a field keep wherever they go; None where they stay."""
         return None
+
+    def rows_of(self, field: str, numbers: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rows (k,) of those samples of ``numbers`` that are on this rank now, and which (k,) of
+        them these are."""
+        raise NotImplementedError
 
     def holds(self, at: np.ndarray) -> bool:
         """Whether a place (dim,), m, lies inside this rank's part of the body."""
@@ -255,16 +263,60 @@ class Run(Statics):
         """Names in ``state`` of arrays whose rows may be on another rank at another time."""
         return set()
 
-    def identity(self) -> dict[str, str]:
-        """What a checkpoint's run must have in common with this one, in words."""
+    def spread(self) -> dict[str, Spread]:
+        """How the arrays of ``state`` lie on the ranks."""
+        motion = {f"motion/{name}": Spread.NODES for name in self.motion.state()}
+        return {"clock": Spread.ALIKE, **motion, **self.scene.spread()}
+
+    def part(self) -> Part:
+        """This rank's part of the state.  Collective."""
+        return part_of(self.grid, self.state())
+
+    def misfit(self, parts: Sequence[Part]) -> str | None:
+        """Why parts of a state on other ranks cannot become this run's, or None.  Collective."""
+        return misfit(self.grid, parts, self.spread())
+
+    def receive(self, parts: Sequence[Part]) -> None:
+        """Take the state that lay on other ranks, of which each rank now holds some parts.
+        Collective."""
+        state, spread = self.state(), self.spread()
+        found = fields(self.grid, parts, state, spread)
+        rows = {
+            group: rows_of_points(self.grid, parts, group, below(f"{group}/", state), per_face)
+            for group, per_face in self.clouds().items()
+        }
+        for name, value in found.items():
+            state[name][...] = value
+        for group, arrays in rows.items():
+            self.take_points(group, arrays)
+        self.arrangement += 1
+
+    def clouds(self) -> dict[str, int]:
+        """Points whose arrays are in ``state`` below these names, and how many of them in a row are
+        one face."""
+        return self.scene.clouds()
+
+    def take_points(self, cloud: str, arrays: dict[str, np.ndarray]) -> None:
+        """Points become those of other arrays, by the names of ``state`` below theirs."""
+        self.scene.take_points(cloud, arrays)
+
+    def partition(self) -> np.ndarray:
+        """A number (1,) that is another where this rank's cells and nodes, or their order, are
+        other ones."""
         grid = self.grid
         nodes = zlib.crc32(np.ascontiguousarray(grid.space.tabulate_dof_coordinates()))
-        order = zlib.crc32(np.ascontiguousarray(dolfinx_versions.cell_dofs(grid.space)), nodes)
+        return np.array(
+            [zlib.crc32(np.ascontiguousarray(dolfinx_versions.cell_dofs(grid.space)), nodes)]
+        )
+
+    def identity(self) -> dict[str, str]:
+        """What a checkpoint's run must have in common with this one, in words.  Collective."""
+        grid = self.grid
         return {
             "run": self.name,
             "stepping": repr(self.stepping),
-            "grid": f"{grid.cells} cells in {grid.dim}D, {grid.nodes} nodes, places and order "
-            f"{order:08x}",
+            "grid": f"{grid.mesh.topology.index_map(grid.dim).size_global} cells in {grid.dim}D, "
+            f"{grid.space.dofmap.index_map.size_global} nodes, places {_places(grid):016x}",
             "terms": ", ".join(type(term).__name__ for term in self.terms),
             **{
                 f"term {n}, {type(term).__name__}": described(term)
@@ -275,9 +327,10 @@ class Run(Statics):
     def restart(self, path: str | os.PathLike) -> None:
         """Go on from the step of a checkpoint, bit for bit as the run that wrote it.
 
-        Call it on a run that the same script has built anew, its recorders attached, or on one that
-        has failed. What recorders there have recorded is replaced; those of the file that this run
-        has not are left out, and what is recorded from here on is recorded after this call.
+        On more or fewer ranks it is the same run but for round-off.  Call it on a run that the same
+        script has built anew, its recorders attached, or on one that has failed. What recorders
+        there have recorded is replaced; those of the file that this run has not are left out, and
+        what is recorded from here on is recorded after this call.
         The mapping's transfer, Newton's limits and solver may be others.
         Raises ``ValueError`` naming what differs, and then has changed nothing; ``OSError`` for a
         file that cannot be read or is no checkpoint.
@@ -350,3 +403,15 @@ class Run(Statics):
             raise RunError(
                 f"{self.name}, step {self.steps + 1}, t = {self.next_time:.6g}: {error}"
             ) from error
+
+
+def _places(grid: Grid) -> int:
+    """A number that is another where nodes lie elsewhere, whatever ranks they are on."""
+    geometry = grid.mesh.geometry
+    owned = geometry.index_map().size_local
+    x = geometry.x[:owned, : grid.dim] + 0.0  # -0 is 0
+    mixed = np.zeros(owned, np.uint64)
+    for bits in np.ascontiguousarray(x.T).view(np.uint64):
+        mixed = (mixed ^ bits) * np.uint64(0x9E3779B97F4A7C15)
+        mixed ^= mixed >> np.uint64(29)
+    return grid.comm.allreduce(int(mixed.sum(dtype=np.uint64))) % 2**64

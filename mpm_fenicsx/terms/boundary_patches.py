@@ -254,6 +254,15 @@ class PointPatch:
             self._take(resized({**self.points.rows(), **self._held}, rows))
             self._cell = np.zeros(rows, np.int32)
 
+    def take_points(self, arrays: dict[str, np.ndarray]) -> None:
+        """Become points of other ``arrays``, in the order of their numbers."""
+        del arrays["cell"]
+        held = {name: arrays.pop(name) for name in self._held if name in arrays}
+        self._held.update(held)
+        self.points.take(arrays)
+        self.stencil.resize(len(self.points))
+        self._cell = self.grid.find(self._inward())
+
     def _lies(self, row: int, where: str) -> str:
         number = row if self.points.number is None else self.points.number[row]
         return f"surface point {number} at x={self.points.x[row]} lies {where}"

@@ -12,6 +12,7 @@ import ufl
 
 from ..common.checks import in_short
 from ..common.ranks import anywhere
+from ..common.spread import Spread
 from ..dynamics.motion import Motion
 from ..grid.form_degree import degree
 from ..grid.grid import Grid
@@ -181,6 +182,31 @@ class Scene:
         for k, p in enumerate(self.patches):
             if p.points is not None:
                 p.make_room(len(state[f"surfaces/{k}/x"]))
+
+    def clouds(self) -> dict[str, int]:
+        """Surface points by their names in ``state``, and how many of them in a row are one
+        face."""
+        return {
+            f"surfaces/{k}": p.points.per_face
+            for k, p in enumerate(self.patches)
+            if p.points is not None
+        }
+
+    def take_points(self, cloud: str, arrays: dict[str, np.ndarray]) -> None:
+        """Surface points become those of other arrays."""
+        self.patches[int(cloud.split("/")[1])].take_points(arrays)
+
+    def spread(self) -> dict[str, Spread]:
+        """How the arrays of ``state`` lie on the ranks; what terms remember is to be the same on
+        all."""
+        return {
+            name: Spread.ALIKE
+            if name.startswith("terms/")
+            else Spread.NODES
+            if self.patches[int(name.split("/")[1])].points is None
+            else Spread.ROWS
+            for name in self.state()
+        }
 
     def arrays_that_move(self) -> set[str]:
         """Names in ``state`` of the arrays of surface points."""

@@ -1,0 +1,30 @@
+"""How the state of a run lies on its ranks."""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Spread(Enum):
+    """Where the values of an array belong, so that they can go to other ranks."""
+
+    ALIKE = "the same on every rank"
+    NODES = "rows of the grid's nodes, ghosts included"
+    CELLS = "rows of the grid's cells, ghosts included, as many for each"
+    ROWS = "rows of points, which are where their cell is"
+
+
+class Part(NamedTuple):
+    """What one rank has, or had, of a run's state.
+
+    ``cells`` and ``nodes``: their numbers, the same on any number of ranks; those that the rank
+    owns come first, ``owned`` (2,) of each.  ``state``: arrays by name.
+    """
+
+    cells: np.ndarray
+    nodes: np.ndarray
+    owned: np.ndarray
+    state: dict[str, np.ndarray]

@@ -1,0 +1,116 @@
+"""The state of a run goes to other ranks: after a restart on more or fewer of them, or where the
+grid is divided anew.
+
+Values of nodes and cells are found by the numbers these have on any number of ranks; points go to
+the rank of their cell, and lie there in the order of their own numbers.  All functions are
+collective.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from ..common.exchange import delivered, fetched
+from ..common.ranks import anywhere
+from ..common.spread import Part, Spread
+from ..grid.grid import Grid
+
+OWN = ("number", "cell", "held")
+"""How the names of arrays begin that points have on several ranks alone, or find again."""
+
+
+def part_of(grid: Grid, state: Mapping[str, np.ndarray]) -> Part:
+    """This rank's part of a state, not copied."""
+    nodes = grid.space.dofmap.index_map.size_local
+    owned = np.array([grid.owned_cells, nodes])
+    return Part(grid.cell_numbers, grid.node_numbers, owned, dict(state))
+
+
+def misfit(grid: Grid, parts: Sequence[Part], spread: Mapping[str, Spread]) -> str | None:
+    """Why parts of another run's state cannot become that of a run whose arrays lie as in
+    ``spread``, or None; the same on all ranks."""
+    alike = [name for name, lies in spread.items() if lies is Spread.ALIKE]
+    message, here = None, {name for name in spread if not _is_own(name)}
+    for part in parts:
+        other = sorted(here ^ {name for name in part.state if not _is_own(name)})
+        if other:
+            where = "here" if other[0] in here else "in the checkpoint"
+            message = f"{other[0]} is {where} alone"
+    message = anywhere(grid.comm, message)
+    if message:
+        return message
+    first = grid.comm.bcast([parts[0].state[name] for name in alike] if parts else None)
+    for name, value in zip(alike, first, strict=True):
+        if any(not np.array_equal(part.state[name], value) for part in parts):
+            message = (
+                f"{name} is not the same on the ranks that wrote it, so that no other ranks can go "
+                "on with it"
+            )
+    return anywhere(grid.comm, message)
+
+
+def fields(
+    grid: Grid, parts: Sequence[Part], state: Mapping[str, np.ndarray], spread: Mapping[str, Spread]
+) -> dict[str, np.ndarray]:
+    """Arrays of ``state`` that belong to nodes or cells, or are alike, from the parts that each
+    rank holds of the state on other ranks."""
+    comm, found = grid.comm, {}
+    kinds = ((Spread.CELLS, 0, grid.cell_numbers), (Spread.NODES, 1, grid.node_numbers))
+    for kind, which, asked in kinds:
+        rows, numbers = {}, [part[which][: part.owned[which]] for part in parts]
+        for name in (name for name, lies in spread.items() if lies is kind):
+            width = comm.allreduce(state[name].size // max(len(asked), 1), op=MPI.MAX)
+            given = [part.state[name].reshape(-1, width)[: part.owned[which]] for part in parts]
+            rows[name] = np.concatenate((np.empty((0, width), state[name].dtype), *given))
+        if rows:
+            numbers = np.concatenate((asked[:0], *numbers))
+            found.update(fetched(comm, numbers, rows, asked))
+    alike = {name for name, lies in spread.items() if lies is Spread.ALIKE}
+    found.update(comm.bcast({name: parts[0].state[name] for name in alike} if parts else None))
+    return {name: value.reshape(state[name].shape) for name, value in found.items()}
+
+
+def rows_of_points(
+    grid: Grid, parts: Sequence[Part], group: str, own: Mapping[str, np.ndarray], per_face: int = 1
+) -> dict[str, np.ndarray]:
+    """Arrays of the points ``group`` that lie in this rank's cells, from the parts that each rank
+    holds; so many in a row are one face and stay together.
+
+    ``own``: the rows that are here now, from which each point takes, by its number, what the parts
+    do not know.
+    """
+    comm, given = grid.comm, [below(f"{group}/", part.state) for part in parts]
+    kinds = [(name, a.dtype, a.shape[1:]) for name, a in given[0].items()] if parts else None
+    rows = {
+        name: np.concatenate((np.empty((0, *shape), dtype), *(of[name] for of in given)))
+        for name, dtype, shape in comm.bcast(kinds)
+    }
+    cells = [part.cells[of["cell"]] for part, of in zip(parts, given, strict=True)]
+    cells = np.concatenate((grid.cell_numbers[:0], *cells))
+    rows.setdefault("number", np.arange(len(cells)))  # on one rank they have none
+    here = grid.cell_numbers[: grid.owned_cells]
+    place = {
+        "rank": np.full(len(here), comm.rank),
+        "cell": np.arange(len(here), dtype=np.int32),
+    }
+    place = fetched(comm, here, place, np.repeat(cells[::per_face], per_face))
+    rows = delivered(comm, {**rows, "cell": place["cell"]}, place["rank"])
+    lacking = {name: value for name, value in own.items() if name not in rows}
+    if lacking:
+        numbers = own.get("number", np.arange(len(own["cell"])))
+        rows.update(fetched(comm, numbers, lacking, rows["number"]))
+    order = np.argsort(rows["number"], kind="stable")
+    return {name: value[order] for name, value in rows.items() if name in (*own, "number")}
+
+
+def below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The arrays whose names begin so, by the rest of their names."""
+    return {name[len(prefix) :]: value for name, value in arrays.items() if name.startswith(prefix)}
+
+
+def _is_own(name: str) -> bool:
+    return name.split("/")[-1].startswith(OWN)
