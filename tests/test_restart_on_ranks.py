@@ -1,5 +1,5 @@
-"""A run that goes on from a checkpoint on more ranks, on fewer, and on one again is the run that was
-never stopped.
+"""A run that goes on from its checkpoint on more ranks, on fewer, and on one again is the run that
+was never stopped.
 
 As a script: ``mpiexec -n N python test_restart_on_ranks.py folder stage`` goes on from the stage
 before, and writes checkpoints of this one.
@@ -51,7 +51,7 @@ def points(law, mapping=mpm.DM_GC):
 
 def shaken():
     """Two bodies on a base that moves as a record says."""
-    grid, fill = place(room=0)
+    grid, _ = place(room=0)
     left, right = (
         mpm.MaterialPoints.fill(
             grid, law, 4, lambda x, a=a: (abs(x[0] - a - 0.25) < 0.25) & (x[1] < 1.0), jitter=0.2
@@ -103,8 +103,10 @@ def end(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stages")
     for stage, ranks in enumerate(STAGES):
         done = subprocess.run(
-            [program, "-n", str(ranks), sys.executable, "-m", "mpi4py", __file__]
-            + [str(folder), str(stage)],
+            [
+                *(program, "-n", str(ranks), sys.executable, "-m", "mpi4py", __file__),
+                *(str(folder), str(stage)),
+            ],
             env=environment(),
             capture_output=True,
             text=True,
