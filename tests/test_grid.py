@@ -318,19 +318,17 @@ def test_grid_lines_that_do_not_increase_are_refused(line):
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 3, 5])
-def test_owners_are_even_and_ghosts_are_the_vertex_neighbours(monkeypatch, grid, ranks):
+def test_owners_are_even_and_ghosts_are_the_vertex_neighbours(grid, ranks):
     cells = grid.lattice.nodes.astype(np.int64)
-    x = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
-    monkeypatch.setattr(
-        dolfinx_versions, "create_mesh", lambda comm, x, cells, owners: owners(ranks)
-    )
-    offsets, destinations = partition.distribute(grid.comm, x, cells)
-    given = [destinations[a:b] for a, b in pairwise(offsets)]
-    owner = np.array([g[0] for g in given])
+    centre = grid.space.tabulate_dof_coordinates()[cells, : grid.dim].mean(axis=1)
+    ones = np.ones(len(cells))
+    owner = partition.owners(grid.comm, centre, np.arange(len(cells)), ones, ranks)
+    offsets, destinations = partition.destinations(grid.comm, cells, owner)
     assert np.ptp(np.bincount(owner, minlength=ranks)) <= 1
-    for c, destination in enumerate(given):
+    for c, (a, b) in enumerate(pairwise(offsets)):
         touching = np.isin(cells, cells[c]).any(axis=1)
-        assert sorted(destination) == sorted({*owner[touching]})
+        assert destinations[a] == owner[c]
+        assert sorted(destinations[a:b]) == sorted({*owner[touching]})
 
 
 PROGRAM = """

@@ -129,12 +129,24 @@ def interior_facets(mesh) -> np.ndarray:
     ).reshape(-1, 4)
 
 
+def global_numbers(index_map) -> np.ndarray:
+    """Global numbers of what is local and ghost in an index map (n,)."""
+    here = np.arange(index_map.size_local + index_map.num_ghosts, dtype=np.int32)
+    return np.asarray(index_map.local_to_global(here) if len(here) else here, dtype=np.int64)
+
+
+def input_numbers(mesh) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers that local and ghost cells, and geometry nodes, had in the input of the mesh."""
+    cells, nodes = mesh.topology.original_cell_index, mesh.geometry.input_global_indices
+    return np.asarray(cells, dtype=np.int64), np.asarray(nodes, dtype=np.int64)
+
+
 def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callable):
     """Mesh of quadrilaterals or hexahedra, distributed as told.
 
-    ``x`` (points, dim) and ``cells`` (cells, 2^dim), vertices in tensor order, are given on rank 0
-    and empty elsewhere; ``owners(ranks)`` returns offsets and, for every cell, its owner and then
-    its ghosts' ranks.
+    ``x`` (points, dim) and ``cells`` (cells, 2^dim), vertices in tensor order, are slices, one a
+    rank, and may be empty; ``owners(ranks)`` returns offsets and, for every cell of this rank's
+    slice, its owner and then its ghosts' ranks.
     """
     dim = x.shape[1]
 

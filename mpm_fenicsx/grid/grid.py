@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,13 +14,13 @@ import numpy as np
 import ufl
 from dolfinx import mesh as dmesh
 
-from ..common.checks import an_object, chosen, finite, increasing, one_of, several, whole
+from ..common.checks import an_object, array, chosen, finite, increasing, one_of, several, whole
 from ..common.compiled import digits
 from ..common.files import failing_together
 from ..common.ranks import together
-from . import dolfinx_versions
+from . import dolfinx_versions, rows
 from .cells import SIDES, Lattice, beside, walk
-from .partition import distribute
+from .partition import distribute, distribute_anew
 
 Locator = Callable[[np.ndarray], np.ndarray]
 
@@ -55,6 +56,12 @@ class Grid:
 
     def __init__(self, mesh, facets: Mapping[str, Locator] | None = None):
         _refuse_other_meshes(mesh)
+        self._named = _locators(facets or {})
+        self._given: tuple[np.ndarray, np.ndarray] | None = None
+        self._lie_on(mesh)
+
+    def _lie_on(self, mesh) -> None:
+        """Take a mesh, and mark its facets."""
         self.mesh = mesh
         self.comm: MPI.Comm = mesh.comm
         self.dim: int = mesh.topology.dim
@@ -63,7 +70,7 @@ class Grid:
         cells = mesh.topology.index_map(self.dim)
         self.owned_cells, self.cells = cells.size_local, cells.size_local + cells.num_ghosts
         self.nodes = self.space.dofmap.index_map.size_local + self.space.dofmap.index_map.num_ghosts
-        self._mark(_locators(facets or {}))
+        self._mark(self._named)
 
     def __repr__(self) -> str:
         cells = self.mesh.topology.index_map(self.dim).size_global
@@ -128,16 +135,10 @@ class Grid:
         ]
         if len(lines) not in (2, 3):
             raise ValueError(f"lines must be arrays of 2 or 3 directions, got {len(lines)}")
-        counts = [len(line) for line in lines]
-        x = np.stack(np.meshgrid(*lines, indexing="ij"), -1)
-        x = x.transpose(*range(len(lines))[::-1], len(lines)).reshape(-1, len(lines))  # x fastest
-        strides = np.concatenate(([1], np.cumprod(counts)[:-1]))
-        corner = np.zeros([n - 1 for n in counts[::-1]], dtype=np.int64)
-        for d, n in enumerate(counts):
-            corner += (strides[d] * np.arange(n - 1)).reshape(
-                [-1 if e == d else 1 for e in range(len(counts))][::-1]
-            )
-        cells = corner.reshape(-1, 1) + digits(2, len(lines)) @ strides
+        x = np.stack([line[i] for line, i in zip(lines, _slice(comm, lines, 0), strict=True)], 1)
+        strides = np.cumprod([1, *map(len, lines[:-1])])
+        corner = sum(n * i for n, i in zip(strides, _slice(comm, lines, 1), strict=True))
+        cells = corner[:, None] + digits(2, len(lines)) @ strides
         return cls(distribute(comm, x, cells), facets)
 
     @classmethod
@@ -170,8 +171,58 @@ class Grid:
         )
         if fault:
             raise ValueError(f"path {fault}: {path}")
-        dim = comm.bcast(x.shape[1])
-        return cls(distribute(comm, x[:, :dim], cells), facets)
+        x, cells = (rows.scatter(comm, of_file) for of_file in (x, cells))
+        return cls(distribute(comm, x, cells), facets)
+
+    # -- who owns what -----------------------------------------------------------------------------
+
+    def repartition(self, weight: np.ndarray) -> None:
+        """Cut the grid anew, so that the cells of each rank weigh as much; in place.
+
+        ``weight`` (owned cells,) >= 0: what each cell costs, such as 1 + points in it; cells that
+        weigh nothing go anywhere.  The grid has another mesh then, with other local numbers of
+        cells, nodes and facets, other ghosts, and another communicator, ``comm``: what was made
+        from the former ones (spaces, fields, forms, measures, ``lattice``) is to be made anew.
+        What ``facets`` has returned, ``cell_numbers``, ``node_numbers`` and ``facet_numbers`` go on
+        saying the same of the same cells, nodes and facets.  Collective.
+        Raises ``ValueError``, on all ranks, for weights that are none.
+        """
+        with together(self.comm):
+            weight = _weights(weight, self.owned_cells)
+        number, (cells, nodes) = self.cell_numbers, self._input
+        neighbours = self.__dict__.get("neighbours")
+        former_cells, former_nodes = (
+            of[: index_map.size_local]
+            for of, index_map in (
+                (cells, self.mesh.topology.index_map(self.dim)),
+                (nodes, self.mesh.geometry.index_map()),
+            )
+        )
+        mesh = distribute_anew(self.mesh, number[: self.owned_cells], weight)
+        at_cells, at_nodes = dolfinx_versions.input_numbers(mesh)
+        self._given = (
+            rows.look_up(self.comm, former_cells[:, None], at_cells)[:, 0],
+            rows.look_up(self.comm, former_nodes[:, None], at_nodes)[:, 0],
+        )
+        if neighbours is not None:
+            neighbours[1].Free()
+        for name, of_class in vars(type(self)).items():
+            if isinstance(of_class, cached_property):
+                self.__dict__.pop(name, None)
+        self._lie_on(mesh)
+
+    @cached_property
+    def neighbours(self) -> tuple[np.ndarray, MPI.Distgraphcomm]:
+        """Ranks that have ghosts of this one's cells or cells of which it has ghosts, and a
+        communicator of such, until the grid is partitioned anew.  Collective when it is first asked
+        for."""
+        cells = self.mesh.topology.index_map(self.dim)
+        first = np.array(self.comm.allgather(int(cells.local_range[0])))
+        ghosts = dolfinx_versions.global_numbers(cells)[self.owned_cells :]
+        asked = np.unique(np.searchsorted(first, ghosts, side="right") - 1)
+        askers, _ = rows.send(self.comm, np.full((len(asked), 1), self.comm.rank), asked)
+        beside = np.union1d(asked, askers[:, 0]).astype(int)
+        return beside, self.comm.Create_dist_graph_adjacent(beside, beside)
 
     # -- named facets ------------------------------------------------------------------------------
 
@@ -232,20 +283,26 @@ class Grid:
         Raises ``ValueError`` for a mesh that is not rectilinear and, on several ranks, for one
         without all vertex neighbours as ghosts (``Grid.box`` and ``Grid.read`` make them).
         """
-        corner = self.mesh.geometry.x[dolfinx_versions.cell_vertices(self.mesh)][:, :, : self.dim]
-        lower, upper = corner.min(axis=1), corner.max(axis=1)
+        lower, upper, rectilinear = self._bounds
+        if not rectilinear:
+            raise ValueError(
+                "mesh must be rectilinear with axes along x, y (z) for material points, and is not"
+            )
         h = upper - lower
-        place = (corner - lower[:, None]) / h[:, None]
-        with together(self.comm):
-            if np.abs(place - np.round(place)).max(initial=0.0) > 1e-8:
-                raise ValueError(
-                    "mesh must be rectilinear with axes along x, y (z) for material points, and is "
-                    "not"
-                )
         nodes = self.tensor_order(self.space, 1, lower, h)
         neighbour, patch = beside(lower, upper, nodes)
         self._check_ghosts(nodes)
         return Lattice(lower, upper, nodes, neighbour, patch, h.prod(axis=1))
+
+    @cached_property
+    def _bounds(self) -> tuple[np.ndarray, np.ndarray, bool]:
+        """Lower and upper corners (cells, dim), m, and whether the cells of all ranks fill them.
+        Collective when it is first asked for."""
+        corner = self.mesh.geometry.x[dolfinx_versions.cell_vertices(self.mesh)][:, :, : self.dim]
+        lower, upper = corner.min(axis=1), corner.max(axis=1)
+        place = (corner - lower[:, None]) / (upper - lower)[:, None]
+        uneven = float(np.abs(place - np.round(place)).max(initial=0.0))
+        return lower, upper, self.comm.allreduce(uneven, op=MPI.MAX) <= 1e-8
 
     def tensor_order(
         self, V, degree: int, lower: np.ndarray | None = None, h: np.ndarray | None = None
@@ -314,22 +371,72 @@ class Grid:
 
         Collective when it is first asked for.
         """
-        lower, out = self.lattice.lower, np.empty((self.cells, self.dim), dtype=np.int64)
-        hair = 1e-6 * self.smallest
-        for d in range(self.dim):
-            line = np.unique(np.concatenate(self.comm.allgather(np.unique(lower[:, d]))))
-            number = np.concatenate(
-                ([0], np.cumsum(np.diff(line) > hair))
-            )  # places a hair apart are one line
-            out[:, d] = number[np.searchsorted(line, lower[:, d])]
-        return out
+        return self._places(self.lattice.lower)
 
     @cached_property
     def cell_numbers(self) -> np.ndarray:
-        """One number (cells,) for each cell, the same on any number of ranks, with gaps where the
-        grid is no box.  Collective when it is first asked for."""
-        most = 1 + np.array(self.comm.allgather(self.index.max(axis=0, initial=-1))).max(axis=0)
-        return self.index @ np.concatenate(([1], np.cumprod(most[:-1])))
+        """One number (cells,) for each cell, the same on any number of ranks and however it is
+        partitioned: by its ``index``, with gaps where the grid is no box; of a grid that is not
+        rectilinear the one that it had in the mesh's input.  Collective when it is first asked
+        for."""
+        lower, _, rectilinear = self._bounds
+        return self._numbered(self._places(lower)) if rectilinear else self._input[0]
+
+    @cached_property
+    def node_numbers(self) -> np.ndarray:
+        """One number (nodes,) for each node, a block of ``space``, the same on any number of ranks
+        and however the grid is partitioned: as ``cell_numbers`` are.  Collective when it is first
+        asked for."""
+        number = (
+            self._numbered(self._places(self.mesh.geometry.x[:, : self.dim]))
+            if self._bounds[2]
+            else self._input[1]
+        )
+        out = np.empty(self.nodes, dtype=np.int64)
+        out[dolfinx_versions.cell_dofs(self.space)] = number[
+            dolfinx_versions.cell_vertices(self.mesh)
+        ]
+        return out
+
+    @cached_property
+    def facet_numbers(self) -> np.ndarray:
+        """One number for each local and ghost facet: 2 dim times that of its cell, of the one with
+        the lesser number where it lies between two that this rank knows, and which of the cell's
+        facets it is.
+
+        The same for the facets of a rank's own cells on any number of ranks and however the grid is
+        partitioned.  Collective when it is first asked for.
+        """
+        topology, sides = self.mesh.topology, 2 * self.dim
+        topology.create_connectivity(self.dim, self.dim - 1)
+        of_cells = np.asarray(topology.connectivity(self.dim, self.dim - 1).array)
+        facets = topology.index_map(self.dim - 1)
+        out = np.full(facets.size_local + facets.num_ghosts, np.iinfo(np.int64).max)
+        number = (sides * self.cell_numbers[:, None] + np.arange(sides)).ravel()
+        np.minimum.at(out, of_cells, number)
+        return out
+
+    @property
+    def _input(self) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers that cells (cells,) and geometry nodes had in the input of the first mesh."""
+        return self._given or dolfinx_versions.input_numbers(self.mesh)
+
+    def _places(self, x: np.ndarray) -> np.ndarray:
+        """Which of all coordinates along each direction, on all ranks, those of x (n, dim), m, are,
+        from 0 on (n, dim).  Collective."""
+        hair, out = 1e-6 * self.smallest, np.empty(x.shape, dtype=np.int64)
+        for d in range(self.dim):
+            line = np.unique(np.concatenate(self.comm.allgather(np.unique(x[:, d]))))
+            number = np.concatenate(
+                ([0], np.cumsum(np.diff(line) > hair))
+            )  # places a hair apart are one line
+            out[:, d] = number[np.searchsorted(line, x[:, d])]
+        return out
+
+    def _numbered(self, index: np.ndarray) -> np.ndarray:
+        """One number (n,) for each index (n, dim), the first direction fastest.  Collective."""
+        most = 1 + np.array(self.comm.allgather(index.max(axis=0, initial=-1))).max(axis=0)
+        return index @ np.concatenate(([1], np.cumprod(most[:-1])))
 
     @cached_property
     def node_numbers(self) -> np.ndarray:
@@ -344,8 +451,8 @@ class Grid:
     @cached_property
     def smallest(self) -> float:
         """Least extent (m) of any cell on any rank.  Collective when it is first asked for."""
-        extent = self.lattice.upper - self.lattice.lower
-        return self.comm.allreduce(float(extent.min(initial=np.inf)), op=MPI.MIN)
+        lower, upper, _ = self._bounds
+        return self.comm.allreduce(float((upper - lower).min(initial=np.inf)), op=MPI.MIN)
 
     @cached_property
     def _of_cells(self):
@@ -371,6 +478,28 @@ class Grid:
                 "mesh must carry all vertex neighbours as ghosts on several ranks: make it with "
                 "Grid.box or Grid.read"
             )
+
+
+def _slice(comm: MPI.Comm, lines: Sequence[np.ndarray], less: int) -> Sequence[np.ndarray]:
+    """This rank's share of the places of a lattice with so many ``less`` than lines, as one array
+    of indices a direction, x fastest."""
+    counts = [len(line) - less for line in lines]
+    here = np.arange(*rows.slice_of(comm, math.prod(counts)))
+    return np.unravel_index(here, counts[::-1])[::-1]
+
+
+def _weights(weight: np.ndarray, cells: int) -> np.ndarray:
+    """Weights of cells as floats, or ``ValueError`` for what is none."""
+    found = array("weight", weight)
+    if found.shape != (cells,):
+        raise ValueError(
+            f"weight must be one number for each of this rank's {cells} own cells, got an array of "
+            f"shape {found.shape}"
+        )
+    wrong = found[~((found >= 0.0) & np.isfinite(found))]
+    if len(wrong):
+        raise ValueError(f"weight must be finite and not negative, got {wrong[0]}")
+    return found
 
 
 def _read(path):

@@ -1,4 +1,7 @@
-"""Which rank owns which cell: coordinate bisection, with every vertex neighbour as a ghost."""
+"""Which rank owns which cell: coordinate bisection, with every vertex neighbour as a ghost.
+
+Each rank has a slice of the cells, whichever, and none has all.
+"""
 
 from __future__ import annotations
 
@@ -6,45 +9,235 @@ from mpi4py import MPI
 
 import numpy as np
 
-from . import dolfinx_versions
+from . import dolfinx_versions, rows
+
+EXACT = 2**52
+"""Whole numbers up to here are sums of floats without round-off, in any order."""
 
 
 def distribute(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray):
-    """Mesh of x and cells (as given on rank 0), cut by coordinate bisection, all vertex neighbours
-    ghosted."""
-    if comm.rank:
-        x, cells = x[:0], cells[:0]
+    """Mesh of quadrilaterals or hexahedra, cut by coordinate bisection into parts of as many cells,
+    all vertex neighbours ghosted.
 
-    def owners(ranks: int) -> tuple[np.ndarray, np.ndarray]:
-        owner = np.zeros(len(cells), dtype=np.int64)
-        if ranks == 1 or not len(cells):
-            return np.arange(len(cells) + 1), owner
-        _bisect(x[cells].mean(axis=1), np.arange(len(cells)), 0, ranks, owner)
-        touches = np.zeros((len(x), ranks), dtype=bool)
-        touches[cells.ravel(), np.repeat(owner, cells.shape[1])] = True
-        wanted = touches[cells].any(axis=1)
-        wanted[np.arange(len(cells)), owner] = False
-        destinations = [
-            np.concatenate(([o], np.flatnonzero(w))) for o, w in zip(owner, wanted, strict=True)
-        ]
-        return np.concatenate(([0], np.cumsum([len(d) for d in destinations]))), np.concatenate(
-            destinations
-        )
-
-    return dolfinx_versions.create_mesh(comm, x, cells, owners)
+    Each rank gives a slice of the nodes' places x (nodes, dim), m, and one of ``cells``
+    (cells, 2^dim), their vertices in tensor order; a node's number is its place in all slices, one
+    rank's after the other's, and so is a cell's.  Collective.
+    """
+    first = comm.exscan(len(cells)) or 0
+    number = first + np.arange(len(cells))
+    return _mesh(comm, x, cells, number, np.ones(len(cells)))
 
 
-def _bisect(
-    centre: np.ndarray, cells: np.ndarray, first: int, ranks: int, owner: np.ndarray
-) -> None:
-    """Give ``cells`` to ``ranks`` ranks from ``first`` on, cutting the longest direction again and
-    again."""
-    if ranks == 1:
-        owner[cells] = first
-        return
-    longest = np.argmax(np.ptp(centre[cells], axis=0)) if len(cells) else 0
-    order = cells[np.argsort(centre[cells, longest], kind="stable")]
-    half = ranks // 2
-    cut = len(order) * half // ranks
-    _bisect(centre, order[:cut], first, half, owner)
-    _bisect(centre, order[cut:], first + half, ranks - half, owner)
+def distribute_anew(mesh, number: np.ndarray, weight: np.ndarray):
+    """The same mesh on the same ranks, cut so that their cells weigh as much.
+
+    ``number``, ``weight`` (owned cells,): numbers that tell cells apart, and weights >= 0.  Input
+    numbers of the new mesh are the global ones that cells and nodes of ``mesh`` have.  Collective.
+    """
+    dim, nodes = mesh.topology.dim, mesh.geometry.index_map()
+    x = np.asarray(mesh.geometry.x[:, :dim])
+    vertices = dolfinx_versions.cell_vertices(mesh)[: len(number)]
+    cells = dolfinx_versions.global_numbers(nodes)[vertices]
+    return _mesh(mesh.comm, x[: nodes.size_local], cells, number, weight)
+
+
+def _mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, number: np.ndarray, weight: np.ndarray):
+    if comm.size == 1:
+        alone = np.arange(len(cells) + 1), np.zeros(len(cells), dtype=np.int64)
+    else:
+        corner = rows.look_up(comm, x, cells.ravel()).reshape(*cells.shape, x.shape[1])
+        owner = owners(comm, corner.mean(axis=1), number, weight, comm.size)
+        alone = destinations(comm, cells, owner)
+    return dolfinx_versions.create_mesh(comm, x, cells, lambda _: alone)
+
+
+# -- owners ----------------------------------------------------------------------------------------
+
+
+def owners(
+    comm: MPI.Comm, centre: np.ndarray, number: np.ndarray, weight: np.ndarray, ranks: int
+) -> np.ndarray:
+    """Which of ``ranks`` ranks is to own each of this rank's cells (n,).
+
+    Parts are cut again and again across their longest extent, as the ranks on either side are to
+    share the weight: what is below a cut weighs no more than its share, and less by no more than
+    one cell.  Cells with the same coordinate go by those of earlier cuts, the latest first, then by
+    ``number`` (n,), whole and >= 0, which no two share.  ``centre`` (n, dim), m; ``weight`` (n,),
+    >= 0.  It does not matter which rank has which cell.  Collective.
+    """
+    weight = _whole(comm, weight)
+    keys = np.concatenate((_in_order(centre), number[:, None].astype(np.int64)), axis=1)
+    part, dim = np.zeros(len(centre), dtype=np.int64), centre.shape[1]
+    first, count = np.array([0]), np.array([ranks])
+    cut_at = np.array([[-1] * dim + [0]])  # level of each key's last cut; numbers come before none
+    for level in range(1, ranks):
+        if (count == 1).all():
+            break
+        low, high = _bounds(comm, part, len(count), keys)
+        extent = _coordinates(high[:, :dim]) - _coordinates(low[:, :dim])
+        extent[(high < low).any(axis=1)] = 0.0
+        cut_at[np.arange(len(count)), np.argmax(extent, axis=1)] = level
+        half = count // 2
+        total = _sum(comm, part, len(count), weight)
+        equal = total == 0  # nothing there weighs anything: as many cells on either side
+        weight = np.where(equal[part], 1.0, weight)
+        total = _sum(comm, part, len(count), weight)
+        share = total // count * half + total % count * half // count  # without a large product
+        whole = count[part] == 1  # stays as it is, and is the lower half of itself
+        undecided, columns = np.flatnonzero(~whole), np.argsort(-cut_at, axis=1)
+        below = whole | _below(comm, part, share, keys, weight, undecided, columns)
+        half = np.maximum(half, 1)
+        part = 2 * part + ~below
+        first = np.stack((first, first + half), axis=1).ravel()
+        count = np.stack((half, count - half), axis=1).ravel()
+        kept = np.flatnonzero(count)
+        cut_at = np.repeat(cut_at, 2, axis=0)[kept]
+        part = np.searchsorted(kept, part)
+        first, count = first[kept], count[kept]
+    return first[part]
+
+
+def _below(
+    comm: MPI.Comm,
+    part: np.ndarray,
+    share: np.ndarray,
+    keys: np.ndarray,
+    weight: np.ndarray,
+    undecided: np.ndarray,
+    columns: np.ndarray,
+) -> np.ndarray:
+    """Which cells (n,) are the first of their part that weigh no more than its ``share`` (parts,).
+
+    ``keys`` (n, k), whole numbers; ``undecided``: the cells that are asked for; ``columns``: which
+    keys order each part (parts, k), the first one first.  All parts are bisected at once.
+    """
+    parts, out = len(share), np.zeros(len(part), dtype=bool)
+    weighs = np.zeros(parts, dtype=np.int64)  # of what is below for certain
+    for column in columns.T:
+        at = part[undecided]
+        key = keys[undecided, column[at]]
+        low, high = (limit[:, 0] for limit in _bounds(comm, at, parts, key[:, None]))
+        while (low < high).any():
+            middle = (low >> 1) + (high >> 1) + (low & high & 1)  # low + high may be too large
+            found = low >= high
+            under = key <= middle[at]
+            more = _sum(comm, at[under], parts, weight[undecided[under]])
+            over = found | (weighs + more > share)
+            out[undecided[under & ~over[at]]] = True
+            weighs += np.where(over, 0, more)
+            low = np.where(over, low, middle + 1)
+            high = np.where(over & ~found, middle, high)
+            stays = (under == over[at]) | found[at]
+            undecided, key, at = undecided[stays], key[stays], at[stays]
+    return out
+
+
+def _whole(comm: MPI.Comm, weight: np.ndarray) -> np.ndarray:
+    """Weights (n,) as multiples of one so small that it does not matter, so that sums are exact:
+    ones are equal ones."""
+    count = comm.allreduce(len(weight))
+    most = comm.allreduce(float(weight.max(initial=0.0)), op=MPI.MAX)
+    return np.rint(weight / most * (EXACT // max(count, 1))) if most else np.zeros(len(weight))
+
+
+def _sum(comm: MPI.Comm, part: np.ndarray, parts: int, weight: np.ndarray) -> np.ndarray:
+    """Weight of each part (parts,), whole numbers.  Collective."""
+    found = np.bincount(part, weight, minlength=parts).astype(float)  # of nothing it is of integers
+    comm.Allreduce(MPI.IN_PLACE, found)
+    return found.astype(np.int64)
+
+
+def _bounds(
+    comm: MPI.Comm, part: np.ndarray, parts: int, keys: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest key of each part (parts, k)."""
+    order = np.argsort(part, kind="stable")
+    here, start = np.unique(part[order], return_index=True)
+    limits = np.iinfo(np.int64)
+    low = np.full((parts, keys.shape[1]), limits.max)
+    high = np.full_like(low, limits.min)
+    if len(here):
+        keys = keys[order]
+        low[here] = np.minimum.reduceat(keys, start, axis=0)
+        high[here] = np.maximum.reduceat(keys, start, axis=0)
+    comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
+    comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
+    return low, high
+
+
+def _in_order(x: np.ndarray) -> np.ndarray:
+    """Whole numbers in the order of x, the bits of which they are."""
+    bits = np.ascontiguousarray(x + 0.0).view(np.int64)
+    return bits ^ ((bits >> 63) & np.iinfo(np.int64).max)
+
+
+def _coordinates(number: np.ndarray) -> np.ndarray:
+    """What ``_in_order`` has made whole numbers of."""
+    bits = number ^ ((number >> 63) & np.iinfo(np.int64).max)
+    return np.ascontiguousarray(bits).view(float)
+
+
+# -- ghosts ----------------------------------------------------------------------------------------
+
+
+def destinations(
+    comm: MPI.Comm, cells: np.ndarray, owner: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets (n + 1,) and, for each of this rank's cells, its owner and then, in order, the other
+    ranks that own a cell with one of its nodes.
+
+    ``cells`` (n, 2^dim), numbers of nodes; ``owner`` (n,).  Each node has a home, a rank where all
+    that own cells around it meet.  Collective.
+    """
+    ranks = 1 + comm.allreduce(int(owner.max(initial=0)), op=MPI.MAX)
+    mine = _distinct(cells.ravel() * ranks + np.repeat(owner, cells.shape[1]))
+    came, count = rows.send(comm, mine[:, None], mine // ranks % comm.size)
+    answers, to = _meet(came[:, 0], np.repeat(np.arange(comm.size), count), ranks)
+    told, _ = rows.send(comm, answers[:, None], to)
+    node, rank = np.divmod(np.sort(told[:, 0]), ranks)
+    between = np.unique(node)
+    start = np.append(np.searchsorted(node, between), len(node))
+    place = np.searchsorted(between, cells.ravel())
+    shared = np.flatnonzero(np.append(between, -1)[place] == cells.ravel())
+    many, at = _ranges(start, place[shared])
+    cell = np.repeat(shared // cells.shape[1], many)
+    cell, ghost = np.divmod(_distinct(cell * ranks + rank[at]), ranks)
+    other = ghost != owner[cell]
+    cell, ghost = cell[other], ghost[other]
+    offsets = np.concatenate(([0], np.cumsum(1 + np.bincount(cell, minlength=len(cells)))))
+    out = np.empty(offsets[-1], dtype=np.int64)
+    first = np.zeros(len(out), dtype=bool)
+    first[offsets[:-1]] = True
+    out[first], out[~first] = owner, ghost
+    return offsets, out
+
+
+def _meet(pairs: np.ndarray, asker: np.ndarray, ranks: int) -> tuple[np.ndarray, np.ndarray]:
+    """Answers to ranks: pairs of the nodes that have several owners, and whom to tell each.
+
+    ``pairs`` (n,): node · ranks + owner, from ranks ``asker`` (n,).
+    """
+    known = _distinct(pairs)
+    node, start, many = np.unique(known // ranks, return_index=True, return_counts=True)
+    several = many > 1
+    node, start = node[several], np.append(start, len(known))
+    place = np.searchsorted(node, pairs // ranks)
+    asked = np.append(node, -1)[place] == pairs // ranks
+    size = 1 + asker.max(initial=0)
+    place, to = np.divmod(_distinct(place[asked] * size + asker[asked]), size)
+    many, at = _ranges(start, np.flatnonzero(several)[place])
+    return known[at], np.repeat(to, many)
+
+
+def _distinct(number: np.ndarray) -> np.ndarray:
+    """Numbers in order, each once."""
+    number = np.sort(number)
+    return number[np.concatenate((np.ones(1, bool), np.diff(number) > 0))[: len(number)]]
+
+
+def _ranges(start: np.ndarray, which: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """How long some ranges are, of those that start at ``start`` (n + 1,), and all that is in them,
+    one after the other."""
+    many = (start[1:] - start[:-1])[which]
+    before = np.cumsum(many) - many
+    return many, np.arange(many.sum()) + np.repeat(start[which] - before, many)

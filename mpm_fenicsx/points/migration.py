@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 from mpi4py import MPI
 
@@ -18,9 +17,6 @@ import numpy as np
 
 from ..common.exchange import exchanged, packed, unpacked
 from ..grid.grid import Grid
-
-_neighbours: WeakKeyDictionary[Grid, tuple[np.ndarray, MPI.Distgraphcomm]] = WeakKeyDictionary()
-"""Ranks beside this one in a grid, and a communicator of such: one a grid, for MPI has few."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +35,8 @@ class Destinations:
 
 
 class Migration:
-    """The way of rows between the ranks of a grid.  Every method is collective."""
+    """The way of rows between the ranks of a grid, until it is partitioned anew.  Every method is
+    collective."""
 
     def __init__(self, grid: Grid):
         self.grid, comm = grid, grid.comm
@@ -48,12 +45,7 @@ class Migration:
         number = cells.local_to_global(here) if grid.cells else here
         self._number = np.append(np.asarray(number, np.int64), -1)  # of cell -1 it is -1
         self._first = np.array(comm.allgather(int(cells.local_range[0])))
-        if grid not in _neighbours:
-            asked = np.unique(self._owner(self._number[grid.owned_cells : -1]))
-            askers = [rank for rank, of in enumerate(comm.allgather(asked)) if comm.rank in of]
-            beside = np.union1d(asked, askers).astype(int)
-            _neighbours[grid] = beside, comm.Create_dist_graph_adjacent(beside, beside)
-        self._beside, self._neighbours = _neighbours[grid]
+        self._beside, self._neighbours = grid.neighbours
 
     def _owner(self, number: np.ndarray) -> np.ndarray:
         """Ranks that own cells of these global numbers; this one for -1."""
