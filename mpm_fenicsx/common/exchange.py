@@ -1,4 +1,4 @@
-"""Rows that go from rank to rank: all that one carries is a row of bytes."""
+"""Rows of arrays that lie on other ranks: sent to whom they belong, looked up by their number."""
 
 from __future__ import annotations
 
@@ -7,6 +7,50 @@ from collections.abc import Mapping, Sequence
 from mpi4py import MPI
 
 import numpy as np
+
+
+def slice_of(comm: MPI.Comm, count: int) -> tuple[int, int]:
+    """First and end of this rank's of ``count`` rows, where all ranks take as many."""
+    return count * comm.rank // comm.size, count * (comm.rank + 1) // comm.size
+
+
+def send(comm: MPI.Comm, rows: np.ndarray, to: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (n, k) to ranks ``to`` (n,); returns those that come (m, k), in the order of the ranks
+    that they come from, and how many come from each (ranks,).  Collective."""
+    count = np.bincount(to, minlength=comm.size).astype(np.int32)
+    back = np.empty_like(count)
+    comm.Alltoall(count, back)
+    rows = np.ascontiguousarray(rows[np.argsort(to, kind="stable")])
+    came = np.empty((back.sum(dtype=np.int64), rows.shape[1]), rows.dtype)
+    row = MPI.BYTE.Create_contiguous(rows.dtype.itemsize * rows.shape[1]).Commit()
+    start, end = (np.concatenate(([0], np.cumsum(n)[:-1])) for n in (count, back))
+    comm.Alltoallv([rows, (count, start), row], [came, (back, end), row])
+    row.Free()
+    return came, back
+
+
+def look_up(comm: MPI.Comm, rows: np.ndarray, number: np.ndarray) -> np.ndarray:
+    """Rows of these numbers (n,), where each rank has a slice (m, k) of all rows, one rank's after
+    the other's.  Collective."""
+    if comm.size == 1:
+        return rows[number]
+    first = np.array([0, *np.cumsum(comm.allgather(len(rows)))])
+    asked, which = np.unique(number, return_inverse=True)
+    holder = np.searchsorted(first, asked, side="right") - 1
+    questions, count = send(comm, asked[:, None], holder)
+    answers = rows[questions[:, 0] - first[comm.rank]]
+    found, _ = send(comm, answers, np.repeat(np.arange(comm.size), count))
+    return found[which.ravel()]
+
+
+def scatter(comm: MPI.Comm, rows: np.ndarray) -> np.ndarray:
+    """This rank's slice of the rows (n, k) that rank 0 has.  Collective."""
+    kind, count, width = comm.bcast((rows.dtype.str, *rows.shape))
+    if comm.rank:
+        rows = np.empty((0, width), kind)
+    ends = count * np.arange(1, comm.size + 1) // comm.size
+    to = np.searchsorted(ends, np.arange(len(rows)), side="right")
+    return send(comm, rows, to)[0]
 
 
 def packed(arrays: Sequence[np.ndarray], rows: np.ndarray) -> np.ndarray:
@@ -30,29 +74,13 @@ def unpacked(rows: np.ndarray, like: Sequence[np.ndarray]) -> list[np.ndarray]:
     ]
 
 
-def exchanged(comm: MPI.Comm, rows: np.ndarray, count: np.ndarray) -> np.ndarray:
-    """Rows of bytes (n, width) that come where each rank sends ``count`` (ranks,) of its own to
-    each other, sorted by these; those of the first rank come first.  Collective."""
-    count = np.asarray(count, np.int32)
-    back = np.empty_like(count)
-    comm.Alltoall(count, back)
-    came = np.empty((back.sum(), rows.shape[1]), np.uint8)
-    row = MPI.BYTE.Create_contiguous(rows.shape[1]).Commit()
-    start, end = (np.concatenate(([0], np.cumsum(n)[:-1])) for n in (count, back))
-    comm.Alltoallv([rows, (count, start), row], [came, (back, end), row])
-    row.Free()
-    return came
-
-
 def delivered(
     comm: MPI.Comm, arrays: Mapping[str, np.ndarray], to: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Rows of ``arrays`` (n, …), the same names and kinds on all ranks, that come where each rank
     sends its own to ranks ``to`` (n,).  Collective."""
-    order = np.argsort(to, kind="stable")
-    count = np.bincount(to, minlength=comm.size)
     values = list(arrays.values())
-    came = exchanged(comm, packed(values, order), count)
+    came, _ = send(comm, packed(values, np.arange(len(to))), to)
     return dict(zip(arrays, unpacked(came, values), strict=True))
 
 

@@ -14,11 +14,12 @@ import numpy as np
 import ufl
 from dolfinx import mesh as dmesh
 
+from ..common import exchange
 from ..common.checks import an_object, array, chosen, finite, increasing, one_of, several, whole
 from ..common.compiled import digits
 from ..common.files import failing_together
 from ..common.ranks import together
-from . import dolfinx_versions, rows
+from . import dolfinx_versions
 from .cells import SIDES, Lattice, beside, walk
 from .partition import distribute, distribute_anew
 
@@ -57,7 +58,6 @@ class Grid:
     def __init__(self, mesh, facets: Mapping[str, Locator] | None = None):
         _refuse_other_meshes(mesh)
         self._named = _locators(facets or {})
-        self._given: tuple[np.ndarray, np.ndarray] | None = None
         self._lie_on(mesh)
 
     def _lie_on(self, mesh) -> None:
@@ -171,7 +171,7 @@ class Grid:
         )
         if fault:
             raise ValueError(f"path {fault}: {path}")
-        x, cells = (rows.scatter(comm, of_file) for of_file in (x, cells))
+        x, cells = (exchange.scatter(comm, of_file) for of_file in (x, cells))
         return cls(distribute(comm, x, cells), facets)
 
     # -- who owns what -----------------------------------------------------------------------------
@@ -189,21 +189,8 @@ class Grid:
         """
         with together(self.comm):
             weight = _weights(weight, self.owned_cells)
-        number, (cells, nodes) = self.cell_numbers, self._input
         neighbours = self.__dict__.get("neighbours")
-        former_cells, former_nodes = (
-            of[: index_map.size_local]
-            for of, index_map in (
-                (cells, self.mesh.topology.index_map(self.dim)),
-                (nodes, self.mesh.geometry.index_map()),
-            )
-        )
-        mesh = distribute_anew(self.mesh, number[: self.owned_cells], weight)
-        at_cells, at_nodes = dolfinx_versions.input_numbers(mesh)
-        self._given = (
-            rows.look_up(self.comm, former_cells[:, None], at_cells)[:, 0],
-            rows.look_up(self.comm, former_nodes[:, None], at_nodes)[:, 0],
-        )
+        mesh = distribute_anew(self.mesh, self.cell_numbers[: self.owned_cells], weight)
         if neighbours is not None:
             neighbours[1].Free()
         for name, of_class in vars(type(self)).items():
@@ -220,7 +207,7 @@ class Grid:
         first = np.array(self.comm.allgather(int(cells.local_range[0])))
         ghosts = dolfinx_versions.global_numbers(cells)[self.owned_cells :]
         asked = np.unique(np.searchsorted(first, ghosts, side="right") - 1)
-        askers, _ = rows.send(self.comm, np.full((len(asked), 1), self.comm.rank), asked)
+        askers, _ = exchange.send(self.comm, np.full((len(asked), 1), self.comm.rank), asked)
         beside = np.union1d(asked, askers[:, 0]).astype(int)
         return beside, self.comm.Create_dist_graph_adjacent(beside, beside)
 
@@ -380,7 +367,11 @@ class Grid:
         rectilinear the one that it had in the mesh's input.  Collective when it is first asked
         for."""
         lower, _, rectilinear = self._bounds
-        return self._numbered(self._places(lower)) if rectilinear else self._input[0]
+        return (
+            self._numbered(self._places(lower))
+            if rectilinear
+            else dolfinx_versions.input_numbers(self.mesh)[0]
+        )
 
     @cached_property
     def node_numbers(self) -> np.ndarray:
@@ -390,7 +381,7 @@ class Grid:
         number = (
             self._numbered(self._places(self.mesh.geometry.x[:, : self.dim]))
             if self._bounds[2]
-            else self._input[1]
+            else dolfinx_versions.input_numbers(self.mesh)[1]
         )
         out = np.empty(self.nodes, dtype=np.int64)
         out[dolfinx_versions.cell_dofs(self.space)] = number[
@@ -416,11 +407,6 @@ class Grid:
         np.minimum.at(out, of_cells, number)
         return out
 
-    @property
-    def _input(self) -> tuple[np.ndarray, np.ndarray]:
-        """Numbers that cells (cells,) and geometry nodes had in the input of the first mesh."""
-        return self._given or dolfinx_versions.input_numbers(self.mesh)
-
     def _places(self, x: np.ndarray) -> np.ndarray:
         """Which of all coordinates along each direction, on all ranks, those of x (n, dim), m, are,
         from 0 on (n, dim).  Collective."""
@@ -437,16 +423,6 @@ class Grid:
         """One number (n,) for each index (n, dim), the first direction fastest.  Collective."""
         most = 1 + np.array(self.comm.allgather(index.max(axis=0, initial=-1))).max(axis=0)
         return index @ np.concatenate(([1], np.cumprod(most[:-1])))
-
-    @cached_property
-    def node_numbers(self) -> np.ndarray:
-        """One number (nodes,) for each node, ghosts included, the same on any number of ranks.
-        Collective when it is first asked for."""
-        most = 2 + np.array(self.comm.allgather(self.index.max(axis=0, initial=-1))).max(axis=0)
-        corners = self.index[:, None] + digits(2, self.dim)
-        numbers = np.empty(self.nodes, np.int64)
-        numbers[self.lattice.nodes] = corners @ np.concatenate(([1], np.cumprod(most[:-1])))
-        return numbers
 
     @cached_property
     def smallest(self) -> float:
@@ -484,7 +460,7 @@ def _slice(comm: MPI.Comm, lines: Sequence[np.ndarray], less: int) -> Sequence[n
     """This rank's share of the places of a lattice with so many ``less`` than lines, as one array
     of indices a direction, x fastest."""
     counts = [len(line) - less for line in lines]
-    here = np.arange(*rows.slice_of(comm, math.prod(counts)))
+    here = np.arange(*exchange.slice_of(comm, math.prod(counts)))
     return np.unravel_index(here, counts[::-1])[::-1]
 
 

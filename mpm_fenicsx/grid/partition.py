@@ -9,7 +9,8 @@ from mpi4py import MPI
 
 import numpy as np
 
-from . import dolfinx_versions, rows
+from ..common import exchange
+from . import dolfinx_versions
 
 EXACT = 2**52
 """Whole numbers up to here are sums of floats without round-off, in any order."""
@@ -31,21 +32,43 @@ def distribute(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray):
 def distribute_anew(mesh, number: np.ndarray, weight: np.ndarray):
     """The same mesh on the same ranks, cut so that their cells weigh as much.
 
-    ``number``, ``weight`` (owned cells,): numbers that tell cells apart, and weights >= 0.  Input
-    numbers of the new mesh are the global ones that cells and nodes of ``mesh`` have.  Collective.
+    ``number``, ``weight`` (owned cells,): numbers that tell cells apart, and weights >= 0.  It is
+    made from the same input, so that the same weights give the same mesh, to the order of its
+    cells, whatever it was cut like before; input numbers stay.  Collective.
     """
-    dim, nodes = mesh.topology.dim, mesh.geometry.index_map()
-    x = np.asarray(mesh.geometry.x[:, :dim])
-    vertices = dolfinx_versions.cell_vertices(mesh)[: len(number)]
-    cells = dolfinx_versions.global_numbers(nodes)[vertices]
-    return _mesh(mesh.comm, x[: nodes.size_local], cells, number, weight)
+    comm, topology, geometry = mesh.comm, mesh.topology, mesh.geometry
+    cell, node = dolfinx_versions.input_numbers(mesh)
+    vertices = node[dolfinx_versions.cell_vertices(mesh)[: len(number)]]
+    x = np.asarray(geometry.x[: geometry.index_map().size_local, : topology.dim])
+    places = _as_given(comm, node[: len(x)], {"x": x})
+    given = _as_given(
+        comm, cell[: len(number)], {"vertices": vertices, "number": number, "weight": weight}
+    )
+    return _mesh(comm, places["x"], given["vertices"], given["number"], given["weight"])
+
+
+def _as_given(
+    comm: MPI.Comm, number: np.ndarray, arrays: dict[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """This rank's slice of all rows in the order of their ``number`` (n,), whole; rows that nobody
+    has are zeros."""
+    count = 1 + comm.allreduce(int(number.max(initial=-1)), op=MPI.MAX)
+    ends = [count * (rank + 1) // comm.size for rank in range(comm.size)]
+    to = np.searchsorted(ends, number, side="right")
+    came = exchange.delivered(comm, {"at": number, **arrays}, to)
+    first, end = exchange.slice_of(comm, count)
+    at, out = came.pop("at") - first, {}
+    for name, rows in came.items():
+        out[name] = np.zeros((end - first, *rows.shape[1:]), rows.dtype)
+        out[name][at] = rows
+    return out
 
 
 def _mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, number: np.ndarray, weight: np.ndarray):
     if comm.size == 1:
         alone = np.arange(len(cells) + 1), np.zeros(len(cells), dtype=np.int64)
     else:
-        corner = rows.look_up(comm, x, cells.ravel()).reshape(*cells.shape, x.shape[1])
+        corner = exchange.look_up(comm, x, cells.ravel()).reshape(*cells.shape, x.shape[1])
         owner = owners(comm, corner.mean(axis=1), number, weight, comm.size)
         alone = destinations(comm, cells, owner)
     return dolfinx_versions.create_mesh(comm, x, cells, lambda _: alone)
@@ -191,9 +214,9 @@ def destinations(
     """
     ranks = 1 + comm.allreduce(int(owner.max(initial=0)), op=MPI.MAX)
     mine = _distinct(cells.ravel() * ranks + np.repeat(owner, cells.shape[1]))
-    came, count = rows.send(comm, mine[:, None], mine // ranks % comm.size)
+    came, count = exchange.send(comm, mine[:, None], mine // ranks % comm.size)
     answers, to = _meet(came[:, 0], np.repeat(np.arange(comm.size), count), ranks)
-    told, _ = rows.send(comm, answers[:, None], to)
+    told, _ = exchange.send(comm, answers[:, None], to)
     node, rank = np.divmod(np.sort(told[:, 0]), ranks)
     between = np.unique(node)
     start = np.append(np.searchsorted(node, between), len(node))

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from ..common.exchange import exchanged, packed, unpacked
+from ..common.exchange import packed, send, unpacked
 from ..grid.grid import Grid
 
 
@@ -113,10 +113,10 @@ class Migration:
 
     def _exchange(self, rows: np.ndarray, to: np.ndarray, far: bool) -> np.ndarray:
         """Send rows of bytes (n, width) to ranks ``to`` (n,), sorted; returns those that come."""
-        count = np.bincount(to, minlength=self.grid.comm.size)
         if far:
-            return exchanged(self.grid.comm, rows, count)
-        count, width = count[self._beside].astype(np.int32), rows.shape[1]
+            return send(self.grid.comm, rows, to)[0]
+        count, width = np.bincount(to, minlength=self.grid.comm.size), rows.shape[1]
+        count = count[self._beside].astype(np.int32)
         back = np.empty_like(count)
         if len(count):
             self._neighbours.Neighbor_alltoall(count, back)
