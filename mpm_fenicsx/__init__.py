@@ -36,6 +36,7 @@ from .output.recorders import Energy, Probe, Series
 from .output.vtk import Snapshots
 from .points.material_points import MaterialPoints
 from .points.surface_points import SurfacePoints
+from .runs.balance import Balance
 from .runs.finite_elements import FiniteElements
 from .runs.material_points import Simulation
 from .runs.options import PAPER, InitialAcceleration
@@ -63,6 +64,7 @@ __all__ = [
     "MPM",
     "PAPER",
     "AccelerationCorrection",
+    "Balance",
     "Checkpoint",
     "Contact",
     "Contribution",

@@ -21,10 +21,12 @@ class Part(NamedTuple):
     """What one rank has, or had, of a run's state.
 
     ``cells`` and ``nodes``: their numbers, the same on any number of ranks; those that the rank
-    owns come first, ``owned`` (2,) of each.  ``state``: arrays by name.
+    owns come first, ``owned`` (2,) of each.  ``weight`` of each cell that it owns, where the grid
+    is divided by such, else of none.  ``state``: arrays by name.
     """
 
     cells: np.ndarray
     nodes: np.ndarray
     owned: np.ndarray
+    weight: np.ndarray
     state: dict[str, np.ndarray]

@@ -58,6 +58,7 @@ class Grid:
     def __init__(self, mesh, facets: Mapping[str, Locator] | None = None):
         _refuse_other_meshes(mesh)
         self._named = _locators(facets or {})
+        self.weight: np.ndarray | None = None  # (owned cells,): by which it was cut anew
         self._lie_on(mesh)
 
     def _lie_on(self, mesh) -> None:
@@ -190,13 +191,16 @@ class Grid:
         with together(self.comm):
             weight = _weights(weight, self.owned_cells)
         neighbours = self.__dict__.get("neighbours")
-        mesh = distribute_anew(self.mesh, self.cell_numbers[: self.owned_cells], weight)
+        number = self.cell_numbers[: self.owned_cells]
+        mesh = distribute_anew(self.mesh, number, weight)
         if neighbours is not None:
             neighbours[1].Free()
         for name, of_class in vars(type(self)).items():
             if isinstance(of_class, cached_property):
                 self.__dict__.pop(name, None)
         self._lie_on(mesh)
+        asked = self.cell_numbers[: self.owned_cells]
+        self.weight = exchange.fetched(self.comm, number, {"weight": weight}, asked)["weight"]
 
     @cached_property
     def neighbours(self) -> tuple[np.ndarray, MPI.Distgraphcomm]:

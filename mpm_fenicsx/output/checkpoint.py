@@ -28,7 +28,7 @@ NO_CHECKPOINT = (
 )
 
 
-LABELS = ("cells", "nodes", "owned")
+LABELS = ("cells", "nodes", "owned", "weight")
 
 
 class Checkpoint:
@@ -146,6 +146,7 @@ def restart(run, path: str | os.PathLike) -> None:
     parts = [
         Part(*(file[f"part/{name}"] for name in LABELS), _below("run/", file)) for file in files
     ]
+    run.lie_as(parts)
     recorders, state = _remembering(run), run.state()
     stays = ranks == comm.size and comm.allreduce(
         int(

@@ -52,12 +52,14 @@ class Run(Protocol):
 class Recorder(Protocol):
     """Looks at a run when attached, and after each step.
 
-    Three things it may have beyond the two that it needs:
+    Four things it may have beyond the two that it needs:
 
     - ``state() -> dict`` of arrays by name, and ``restore(state)``: a checkpoint then keeps what it
       has recorded, under its ``label`` if it has one, else its class;
     - ``collect(run)``, called after every solve, of which a step can need several, and ``sums``, an
       array that it adds to in place: where a step is taken back, so are they;
+    - ``moved(run)``, called when the run's grid has been divided anew among the ranks: what it
+      keeps of the grid, or by rows, is to be asked for again;
     - ``last = True``: it looks after all others.
     """
 

@@ -175,10 +175,7 @@ class Energy(Series):
                 "the term does another name"
             )
         self.names = tuple(dict.fromkeys((*self.USUAL, *forms, *run.energy())))
-        self._forms = {
-            self.names.index(name): dolfinx_versions.compile_form(form)
-            for name, form in forms.items()
-        }
+        self.moved(run)
         self.sums = np.zeros(len(self.names))
         self._start = self._look(run).copy()
         self.note(run, self._start)
@@ -186,6 +183,13 @@ class Energy(Series):
     def __call__(self, run: Run) -> None:
         """Write down where the energy is now."""
         self.note(run, self._look(run).copy())
+
+    def moved(self, run: Run) -> None:
+        """Compile the forms for the grid as it is divided now."""
+        self._forms = {
+            self.names.index(name): dolfinx_versions.compile_form(form)
+            for name, form in run.term_energies().items()
+        }
 
     def collect(self, run: Run) -> None:
         """After a solve: add up in ``sums`` (names,) what terms have done."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..common.errors import RunError
 from ..common.ranks import anywhere
-from ..common.spread import Spread
+from ..common.spread import Part, Spread
 from ..dynamics.motion import Motion
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid.gauss_points import GaussPoints
@@ -42,6 +42,7 @@ from ..terms.meeting_supports import refuse_disagreement
 from ..terms.reach import check_reach, partly_filled, refuse_overlaps
 from ..terms.scene import Scene
 from .b_bar_checks import warn_of_points
+from .balance import Balance, Balancer, divide
 from .identity import described
 from .options import (
     InitialAcceleration,
@@ -53,6 +54,7 @@ from .options import (
     unusual,
     warn_of_courant,
 )
+from .redistribution import weights
 from .run import Run
 from .scene_checks import bodies_of
 
@@ -81,6 +83,7 @@ class Simulation(Run):
         mapping: PointMapping = DM_GC,
         solver: Solver | None = None,
         initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
+        balance: Balance | None = None,
         **old,
     ):
         if bodies is None and "points" in old:
@@ -98,6 +101,18 @@ class Simulation(Run):
                 f"correction is of accelerations, and {stepping} has none, got {mapping.correction}"
             )
         self._of = [f"body {n}, " if len(self.bodies) > 1 else "" for n in range(len(self.bodies))]
+        self.initial_acceleration, self._unmoved, self._left = initial_acceleration, [], []
+        if stepping.dynamic:
+            self._unmoved = [body for body in self.bodies if body.acceleration is None]
+            self._left = [body for body in self.bodies if body.left_by_run]
+        self._bound_for_rest: bool | None = None  # as bodies are at the start
+        self.balancer = None if balance is None else Balancer(balance)
+        self.build(self._check)
+
+    def build(self, check: Callable[[], None] = lambda: None) -> None:
+        """Make all that lies on the grid as it is divided among the ranks; ``check`` is called
+        before anything depends on what terms and bodies are."""
+        grid, stepping, mapping, solver = self.grid, self.stepping, self.mapping, self.solver
         motion = self.motion = Motion(grid, stepping)
         self.migration = Migration(grid) if grid.comm.size > 1 else None
         self.cells = [enter(body, grid, self.migration) for body in self.bodies]
@@ -124,10 +139,7 @@ class Simulation(Run):
         others = [inertia(scene)] if stepping.dynamic else []
         others += scene.bind(self.terms)
         self.contributions = [body, *others]
-        refuse_disagreement(scene)
-        refuse_overlaps(grid, self.bodies, self.cells)
-        check_reach(scene, self.bodies, self.cells, self.stencils)
-        warn_of_doubtful(grid, self.terms, self.bodies)
+        check()
         self.gauss = GaussPoints(grid, mean_volume=True) if mapping.b_bar else None
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(
@@ -139,12 +151,12 @@ class Simulation(Run):
             )
         # a term on the facets between cells, GhostPenalty, does in its own way what ties do
         self._holds = mapping.hold_cut_cells and motion.region.dS is None
-        self._bound_for_rest = not stepping.dynamic or (scene.body_loaded and self._stressed())
+        if self._bound_for_rest is None:
+            self._bound_for_rest = not stepping.dynamic or (scene.body_loaded and self._stressed())
         self._acts_everywhere = self._bound_for_rest or scene.body_loaded
         self.holding: Holding | None = None
         self._internal = np.zeros((grid.nodes, grid.dim))
         self._held = np.zeros(grid.cells, np.int8)  # cells that hold material
-        self.initial_acceleration, self._unmoved, self._left = initial_acceleration, [], []
         self.courant_number = courant_number(grid, self.bodies, stepping)
         self.correction_kind = mapping.correction or chosen_correction(
             mapping, stepping, self.courant_number
@@ -156,18 +168,26 @@ class Simulation(Run):
         )
         if stepping.dynamic:
             self.deposit = Deposit(motion, density, given.mass_dx, mapping.sweeps)
-            self._unmoved = [body for body in self.bodies if body.acceleration is None]
-            self._left = [body for body in self.bodies if body.left_by_run]
             for body in self.bodies:
                 body.enter_dynamics()
             self.correction = correction_of(
                 self.correction_kind, self.equilibrium, self.stress, self.deposit
             )
-        if mapping.b_bar:
+
+    def _check(self) -> None:
+        """Refuse, or warn of, what the bodies and the terms together cannot be."""
+        grid, scene = self.grid, self.scene
+        if self.balancer is not None:
+            self.balancer.check(scene)
+        refuse_disagreement(scene)
+        refuse_overlaps(grid, self.bodies, self.cells)
+        check_reach(scene, self.bodies, self.cells, self.stencils)
+        warn_of_doubtful(grid, self.terms, self.bodies)
+        if self.mapping.b_bar:
             warn_of_points(
                 [body.material for body in self.bodies],
                 partly_filled(grid, self.bodies, self.cells),
-                stepping.dynamic,
+                self.stepping.dynamic,
             )
 
     def change_step(self, stepping: Newmark | QuasiStatic) -> None:
@@ -434,7 +454,8 @@ class Simulation(Run):
             for name, value in body.items()
         }
         given = {f"properties/{name}": value for name, value in self.properties.state().items()}
-        return {**super().state(), **found, **given}
+        balance = {} if self.balancer is None else {"balance": self.balancer.memory}
+        return {**super().state(), **found, **given, **balance}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Take the values of ``state``; on several ranks points may have moved since."""
@@ -453,12 +474,44 @@ class Simulation(Run):
         """How the arrays of ``state`` lie on the ranks."""
         found = {name: Spread.ROWS for name in self.state() if name.startswith("bodies/")}
         given = {f"properties/{name}": Spread.CELLS for name in self.properties.state()}
-        return {**super().spread(), **found, **given}
+        balance = {} if self.balancer is None else {"balance": Spread.ALIKE}
+        return {**super().spread(), **found, **given, **balance}
 
     def clouds(self) -> dict[str, int]:
         """Bodies and surfaces by their names in ``state``, and how many of their points in a row
         are one face."""
         return {f"bodies/{n}": 1 for n in range(len(self.bodies))} | super().clouds()
+
+    def step(self) -> None:
+        """One step of length ``stepping.dt``, before which the grid may be divided anew.
+
+        Raises as ``Run.step`` does.
+        """
+        if self.balancer is not None:
+            self.balancer.look(self)
+        super().step()
+
+    def divide(self, weight: np.ndarray) -> None:
+        """Divide the grid anew among the ranks, by the weight of each of this rank's own cells
+        (cells,), and go on as if nothing had happened.  Collective."""
+        divide(self, weight)
+
+    def lie_as(self, parts: Sequence[Part]) -> None:
+        """Divide the grid as it was where the parts come from.  Collective."""
+        weight = weights(self.grid, parts)
+        if weight is not None:
+            self.divide(weight)
+
+    def move_points(self, cloud: str, arrays: dict[str, np.ndarray]) -> None:
+        """Points become those of other arrays, before the run is built anew."""
+        del arrays["cell"]
+        kind, n = cloud.split("/")
+        if kind == "bodies":
+            self.bodies[int(n)].take(arrays)
+        else:
+            self.scene.patches[int(n)].points.take(
+                {name: value for name, value in arrays.items() if not name.startswith("held")}
+            )
 
     def take_points(self, cloud: str, arrays: dict[str, np.ndarray]) -> None:
         """Points become those of other arrays, by the names of ``state`` below theirs."""

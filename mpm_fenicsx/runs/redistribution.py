@@ -27,7 +27,23 @@ def part_of(grid: Grid, state: Mapping[str, np.ndarray]) -> Part:
     """This rank's part of a state, not copied."""
     nodes = grid.space.dofmap.index_map.size_local
     owned = np.array([grid.owned_cells, nodes])
-    return Part(grid.cell_numbers, grid.node_numbers, owned, dict(state))
+    weight = np.zeros(0) if grid.weight is None else grid.weight
+    return Part(grid.cell_numbers, grid.node_numbers, owned, weight, dict(state))
+
+
+def weights(grid: Grid, parts: Sequence[Part]) -> np.ndarray | None:
+    """Weights (owned cells,) that divide the grid as it was where the parts come from; None where
+    it is so already."""
+    comm, asked = grid.comm, grid.cell_numbers[: grid.owned_cells]
+    if comm.allreduce(sum(len(part.weight) for part in parts)):
+        numbers = [part.cells[: part.owned[0]] for part in parts]
+        rows = np.concatenate((np.zeros(0), *(part.weight for part in parts)))
+        numbers = np.concatenate((asked[:0], *numbers))
+        found = fetched(comm, numbers, {"weight": rows}, asked)["weight"]
+        other = grid.weight is None or not np.array_equal(grid.weight, found)
+    else:
+        found, other = np.ones(len(asked)), grid.weight is not None
+    return found if comm.size > 1 and comm.allreduce(int(other)) else None
 
 
 def misfit(grid: Grid, parts: Sequence[Part], spread: Mapping[str, Spread]) -> str | None:

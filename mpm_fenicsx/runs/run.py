@@ -272,6 +272,9 @@ class Run(Statics):
         """This rank's part of the state.  Collective."""
         return part_of(self.grid, self.state())
 
+    def lie_as(self, parts: Sequence[Part]) -> None:
+        """Where the grid can be divided anew, divide it as it was where the parts come from."""
+
     def misfit(self, parts: Sequence[Part]) -> str | None:
         """Why parts of a state on other ranks cannot become this run's, or None.  Collective."""
         return misfit(self.grid, parts, self.spread())

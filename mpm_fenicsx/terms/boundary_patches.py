@@ -39,6 +39,7 @@ class FacetPatch:
         self.acting: list[str] = []
         self._refresh: list[Callable[[float, float], None]] = []
         self._total: fem.Function | None = None
+        self.on_the_mesh = False  # whether it bears a load that is a field there
 
     @cached_property
     def _cells(self) -> np.ndarray:
@@ -65,6 +66,7 @@ class FacetPatch:
             raise ValueError(
                 f"a field on facets must be a vector on the grid's mesh, got {value!r}"
             )
+        self.on_the_mesh = True
         return value
 
     def load(self, function: Load, placed: bool, mean: bool = False):
@@ -160,6 +162,8 @@ class FacetPatch:
 class PointPatch:
     """A surface of points inside cells: coefficients are moment fields, integrals go over ``dx``
     and are the point sums exactly, those of ``Faces``."""
+
+    on_the_mesh = False
 
     def __init__(self, points: SurfacePoints, scene):
         if points.x.shape[1] != scene.grid.dim:
