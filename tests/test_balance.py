@@ -1,0 +1,160 @@
+"""A grid that is divided anew in mid-run computes what one rank computes, and goes on bit for bit.
+
+As a script: ``mpiexec -n N python test_balance.py out``.
+"""
+
+import json
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_ranks import environment, mpiexec
+from test_restart_on_ranks import CLAY, EXACT, SOFT, STRETCHED
+
+import mpm_fenicsx as mpm
+from mpm_fenicsx.points.location import numbers_of
+from mpm_fenicsx.runs.balance import imbalance, work
+
+STEPS, HALF = 24, 14
+LAWS = {"elastic": SOFT, "von Mises": CLAY, "finite von Mises": STRETCHED}
+BALANCE = mpm.Balance(above=1.2, every=5)
+TOLERANCE = 1e-9
+
+
+def scene(law):
+    """A block in a corner of a wide grid, that slides."""
+    grid = mpm.Grid.box((0.0, 0.0), (6.0, 2.0), (24, 8))
+    body = mpm.MaterialPoints.fill(
+        grid, law, 4, lambda x: (x[0] > 0.5) & (x[0] < 2.0) & (x[1] < 1.0), jitter=0.2
+    )
+    body.velocity = np.tile((12.0, 0.0), (len(body), 1))
+    terms = [
+        mpm.Fixed(grid.facets("bottom"), "y"),
+        mpm.Gravity((0.0, -9.81)),
+        mpm.ViscousBoundary(body.surface("left"), SOFT),
+        mpm.ViscoelasticBoundary(body.surface("top"), SOFT, 3.0),
+    ]
+    run = mpm.Simulation(grid, body, mpm.Newmark(5e-3), terms, solver=EXACT, balance=BALANCE)
+    run.record(mpm.Probe("velocity", (1.2, 0.6)))
+    run.record(mpm.Probe("displacement", (1.2, 0.6)))
+    run.record(mpm.Energy())
+    return run
+
+
+def found(law, folder) -> dict:
+    """Fields by the points' numbers and what was recorded, and whether a restart is bit for bit."""
+    run = scene(law)
+    body = run.bodies[0]
+    number = body.number
+    if number is None:  # on one rank, where rows stay
+        number = numbers_of(run.grid, body.x, run.grid.find(body.x))
+    first = imbalance(run.grid.comm, work(run, BALANCE.cell))
+    keep = run.record(mpm.Checkpoint(folder / "state.npz", every=HALF))
+    for _ in range(STEPS):
+        run.step()
+        if run.steps == HALF:
+            run.recorders.remove(keep)
+    again, comm = scene(law), run.grid.comm
+    again.restart(keep.path)
+    while again.steps < STEPS:
+        again.step()
+    here = all(np.array_equal(a, run.state()[name]) for name, a in again.state().items()) and all(
+        np.array_equal(a.values, b.values)
+        for a, b in zip(again.recorders, run.recorders, strict=True)
+    )
+    rows = comm.allgather(
+        (
+            number if body.number is None else body.number,
+            body.x,
+            body.velocity,
+            body.acceleration,
+            body.stress,
+        )
+    )
+    number, *fields = (np.concatenate(of_ranks) for of_ranks in zip(*rows, strict=True))
+    order = np.argsort(number)
+    return {
+        "fields": [values[order].tolist() for values in fields],
+        "series": [recorder.values.tolist() for recorder in run.recorders],
+        "bit for bit": bool(comm.allreduce(int(here)) == comm.size),
+        "imbalance": [first, imbalance(comm, work(run, BALANCE.cell))],
+        "divisions": int(run.state()["balance"][1]),
+    }
+
+
+def everything(comm) -> dict:
+    """All laws."""
+    folder = comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None)
+    return {name: found(law, Path(folder)) for name, law in LAWS.items()}
+
+
+@pytest.fixture(scope="module")
+def serial():
+    from mpi4py import MPI
+
+    return everything(MPI.COMM_SELF)
+
+
+@pytest.fixture(scope="module")
+def divided(tmp_path_factory):
+    program = mpiexec()
+    if program is None:
+        pytest.skip("no mpiexec beside Python or on PATH")
+    out = tmp_path_factory.mktemp("balance") / "out.json"
+    command = [program, "-n", "2", sys.executable, "-m", "mpi4py", __file__, str(out)]
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=600)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    return json.loads(out.read_text())
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_grid_divided_anew_computes_the_same(law, serial, divided):
+    assert serial[law]["divisions"] == 0 and divided[law]["divisions"] > 0
+    for kind in ("fields", "series"):
+        for a, b in zip(divided[law][kind], serial[law][kind], strict=True):
+            assert np.abs(np.subtract(a, b)).max() <= TOLERANCE * np.abs(b).max()
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_work_is_even_then(law, divided):
+    before, after = divided[law]["imbalance"]
+    assert before > 1.5 and after < BALANCE.above
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_it_goes_on_bit_for_bit_from_a_checkpoint(law, divided):
+    assert divided[law]["bit for bit"]
+
+
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"above": 1.0}, "above must be more than 1, which is balance, got 1.0"),
+        ({"every": 0}, "every must be a whole number of at least 1, got 0"),
+        ({"cell": -1.0}, "cell must be at least 0 points' worth, got -1.0"),
+    ],
+)
+def test_what_is_no_balance_is_refused(given, words):
+    with pytest.raises(ValueError, match=words):
+        mpm.Balance(**given)
+
+
+def test_a_field_on_the_mesh_is_refused():
+    from dolfinx import fem
+
+    grid = mpm.Grid.box((0.0, 0.0), (1.0, 1.0), (2, 2))
+    body = mpm.MaterialPoints.fill(grid, SOFT, 4, lambda x: x[1] < 2.0)
+    load = mpm.Traction(grid.facets("top"), fem.Function(grid.space))
+    with pytest.raises(ValueError, match=r"balance: the load on the facets .* is a field on the"):
+        mpm.Simulation(grid, body, mpm.Newmark(1e-3), [load], balance=BALANCE)
+
+
+if __name__ == "__main__":
+    from mpi4py import MPI
+
+    result = everything(MPI.COMM_WORLD)
+    if MPI.COMM_WORLD.rank == 0:
+        Path(sys.argv[1]).write_text(json.dumps(result))
