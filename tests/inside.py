@@ -417,6 +417,21 @@ def assembled(run) -> tuple[int, int] | None:
     return None if update is None else (len(update.cells), len(run.motion.region.cells))
 
 
+def gone_over(run) -> list[int]:
+    """How many cells forms go over in a step, how many bear surface points' loads, how many facets
+    between cells there are, the unknowns that are solved for unless they are stored in blocks, and
+    in how many cells K is brought up to date, on all ranks: what follows the material shows in no
+    answer, but in time."""
+    region, equilibrium, comm = run.motion.region, run.equilibrium, run.grid.comm
+    counts = [len(cells) for _, cells in region._domains]
+    counts += [len(facets) for _, facets in region._seams] if region.dS is not None else []
+    counts += [len(equilibrium.update.cells)] if equilibrium.update is not None else []
+    blocks = equilibrium.matrix.getType().endswith("baij")
+    return [comm.allreduce(n) for n in counts] + [
+        0 if blocks else equilibrium.part.matrix.getSize()[0]
+    ]
+
+
 def allocated(run) -> tuple:
     """Which objects and memory a step works in: a step that allocates is right, and slow."""
     equilibrium, motion = run.equilibrium, run.motion

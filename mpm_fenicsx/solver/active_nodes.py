@@ -25,24 +25,38 @@ class Part:
         none is used or few are not.
 
         Their diagonal becomes that of ``diagonal``, given for the whole.  True if these are other
-        nodes than before.  On several ranks all rows are taken, every time.
+        nodes than before.  Ranks decide together; one may have no such node.  All rows of blocks on
+        several ranks are taken, every time: PETSc 3.18 to 3.25 cannot renew a part of such a matrix
+        (error 60), and to take it anew costs more than to assemble.
         """
-        bs, changed = self.whole.getBlockSize(), False
+        bs, comm = self.whole.getBlockSize(), self.whole.comm.tompi4py()
         nodes = used.reshape(-1, bs).any(axis=1)
-        if self.whole.comm.size == 1 and nodes.any():
-            if np.count_nonzero(nodes) >= (1.0 - FEW) * len(nodes):
+        taken, changed = self._of_all(comm, nodes)
+        if not taken or self.whole.getType() == "mpibaij":
+            changed = False
+        else:
+            rows = self.whole.getSize()[0] // bs
+            if (1.0 - FEW) * rows <= taken < rows:
                 nodes[:] = True
-            changed = not np.array_equal(nodes, self._used)
-            if changed and nodes.all():
+                taken, changed = self._of_all(comm, nodes)
+            if changed and taken == rows:
                 self._take_all()
             elif changed:
                 self._choose(nodes, bs)
             elif self._nodes is not None:
                 self.whole.createSubMatrix(self._nodes, self._nodes, self.matrix)
-        if self.whole.comm.tompi4py().allreduce(int(not used[self._rows].all()), op=MPI.MAX):
+        if comm.allreduce(int(not used[self._rows].all()), op=MPI.MAX):
             self.b.array[:] = diagonal.array[self._rows]
             self.matrix.setDiagonal(self.b)
         return changed
+
+    def _of_all(self, comm: MPI.Comm, nodes: np.ndarray) -> tuple[int, bool]:
+        """How many nodes there are in ``nodes`` (nodes,), and whether they are others than before,
+        on all ranks."""
+        found = np.array([np.count_nonzero(nodes), not np.array_equal(nodes, self._used)])
+        if comm.size > 1:
+            comm.Allreduce(MPI.IN_PLACE, found)
+        return int(found[0]), bool(found[1])
 
     def load(self, values: np.ndarray) -> None:
         """Right-hand side from values (dofs,) of the whole."""
@@ -63,7 +77,9 @@ class Part:
     def _choose(self, used: np.ndarray, bs: int) -> None:
         nodes = np.flatnonzero(used)
         self._used, self._rows = used, (bs * nodes[:, None] + np.arange(bs)).ravel()
-        self._nodes = PETSc.IS().createBlock(bs, nodes.astype(PETSc.IntType), comm=self.whole.comm)
+        first = self.whole.getOwnershipRange()[0] // bs
+        numbers = (first + nodes).astype(PETSc.IntType)
+        self._nodes = PETSc.IS().createBlock(bs, numbers, comm=self.whole.comm)
         self.matrix = self.whole.createSubMatrix(self._nodes, self._nodes)
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self._symmetric)
         self.b, self.x = self.matrix.createVecs()

@@ -132,7 +132,7 @@ class Equilibrium:
         largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
         self.idle = d <= IDLE * largest
         if self.update is not None:
-            self.idle |= np.repeat(self.update.bare, self.motion.grid.dim)
+            self.idle |= np.repeat(self.update.bare, self.motion.grid.dim)[: self._owned]
         bare = self.idle | ~free
         if self._tied is not None:
             self.idle &= free & ~self.ties.tied[: self._owned]
@@ -188,7 +188,7 @@ class Equilibrium:
         """K in the matrix; False if that has not changed."""
         A, update = self.matrix, self.update
         if update is not None and update.follow() and not self._altered:
-            if not len(update.cells):
+            if not update.changed:
                 return False
             if self.part.matrix is A:
                 A.setDiagonal(self._plain)  # rows without material have another one

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from mpi4py import MPI
+
 import numpy as np
 import ufl
 from dolfinx import fem
@@ -26,15 +28,18 @@ class Update:
     """Adds the form ``tangent``, of what its fields have changed by since it was last assembled, to
     the matrix.
 
-    ``cells``: those where something has changed; ``bare`` (nodes,): where the matrix is nothing but
-    round-off.
+    ``cells``: this rank's own where something has changed, ``changed`` in number on all ranks;
+    ``bare`` (nodes,): where the matrix is nothing but round-off, right for this rank's own.
     """
 
     def __init__(
         self, motion: Motion, fields: list[fem.Function], change: ufl.Form, by: list[fem.Function]
     ):
         self.motion, self._fields, self._by = motion, fields, by
+        grid = motion.grid
         self.cells = self._covered = motion.region.cells
+        self._ghosts = np.arange(grid.owned_cells, grid.cells, dtype=np.int32)
+        self.changed = 0
         self._marks = sorted({part.subdomain_id() for part in change.integrals()})
         self._domains = [(mark, self.cells) for mark in self._marks]
         self._form = dolfinx_versions.compile_form(
@@ -44,8 +49,8 @@ class Update:
         )
         self._dofs = [dolfinx_versions.cell_dofs(f.function_space) for f in fields]
         self._before = [np.zeros_like(f.x.array) for f in fields]
-        self._peak = np.zeros((len(fields), motion.grid.cells))
-        self.bare = np.zeros(motion.grid.nodes, dtype=bool)
+        self._peak = np.zeros((len(fields), grid.cells))
+        self.bare = np.zeros(grid.nodes, dtype=bool)
         self._stepping: object = None
 
     @classmethod
@@ -72,26 +77,36 @@ class Update:
         made anew."""
         if self._stepping != self.motion.stepping:
             return False
-        cells, self.bare[:] = self.motion.region.cells, True
+        grid, cells = self.motion.grid, self.motion.region.cells
+        self.bare[:] = True
         at = (
             cells if cells is self._covered else np.union1d(cells, self._covered)
         )  # elsewhere are and were zeros
         self._covered = cells
-        changed, little = np.zeros(self.motion.grid.cells, dtype=bool), False
-        for f, by, dofs, before, peak in zip(
-            self._fields, self._by, self._dofs, self._before, self._peak, strict=True
+        if len(self._ghosts):  # nodes of this rank's own may have material there alone
+            at = np.concatenate((at, self._ghosts))
+        full = self._peak.max(axis=1, initial=0.0)
+        if grid.comm.size > 1:
+            grid.comm.Allreduce(MPI.IN_PLACE, full, op=MPI.MAX)
+        changed, little = np.zeros(grid.cells, dtype=bool), False
+        for f, by, dofs, before, peak, most in zip(
+            self._fields, self._by, self._dofs, self._before, self._peak, full, strict=True
         ):
             little |= _differ(
                 at,
                 dofs,
                 (f.x.array, before, by.x.array),
-                peak.max(initial=0.0),
+                most,
                 (peak, changed),
-                self.motion.grid.lattice.nodes,
+                grid.lattice.nodes,
                 self.bare,
             )
-        self.cells = np.flatnonzero(changed).astype(np.int32)
-        return not little and len(self.cells) <= MANY * len(self.motion.region.cells)
+        self.cells = np.flatnonzero(changed[: grid.owned_cells]).astype(np.int32)
+        found = np.array([len(self.cells), len(cells), little])
+        if grid.comm.size > 1:
+            grid.comm.Allreduce(MPI.IN_PLACE, found)
+        self.changed, held, little = found
+        return not little and self.changed <= MANY * held
 
     def forget(self) -> None:
         """What the matrix held is lost: the next one is made anew."""

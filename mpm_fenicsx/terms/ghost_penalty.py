@@ -56,7 +56,8 @@ class GhostPenalty:
         if not scene.partly_filled:
             return Contribution()
         motion, grid = scene.motion, scene.grid
-        measure = motion.region.seams()(metadata={"quadrature_degree": 3})
+        region = motion.region
+        measure = region.seams()(metadata={"quadrature_degree": 3})
         loaded = np.zeros(grid.cells, np.int8)
         cut = _Cut(grid, scene.density, scene.lame, self.below)
 
@@ -64,7 +65,7 @@ class GhostPenalty:
             loaded[:] = 0
             scene.mark(loaded)
             cut.find(loaded)
-            motion.region.sew(cut.light, cut.filled)
+            region.sew(cut.light, cut.filled)
 
         n, J = ufl.FacetNormal(grid.mesh), ufl.Jacobian(grid.mesh)
         h = ufl.avg(weak_forms.across(J, n))
@@ -73,7 +74,8 @@ class GhostPenalty:
         work = weak_forms.kink(self.stiffness * β * M * h, motion.u, motion.w, n)
         if motion.stepping.dynamic:
             work += weak_forms.kink(self.mass * β * ρ * h**3, motion.acceleration, motion.w, n)
-        return Contribution(work * measure, before=[refresh])
+        memory = {"places": region.places} if region.follows else {}
+        return Contribution(work * measure, before=[refresh], memory=memory)
 
 
 class _Given:
