@@ -48,6 +48,7 @@ from .options import (
     choices,
     chosen_correction,
     courant_number,
+    nodes_of,
     of_today,
     unusual,
     warn_of_courant,
@@ -130,8 +131,17 @@ class Simulation(Run):
         warn_of_doubtful(grid, self.terms, self.bodies)
         self.gauss = GaussPoints(grid, mean_volume=True) if mapping.b_bar else None
         self.yielding = self._can_yield()
+        self.courant_number = courant_number(grid, self.bodies, stepping)
         self.equilibrium = Equilibrium(
-            motion, body, others, scene.fixed, solver, self.yielding, reuse > 0.0
+            motion,
+            body,
+            others,
+            scene.fixed,
+            solver,
+            self.yielding,
+            reuse > 0.0,
+            crossings=self.courant_number / stepping.dt,
+            nodes=nodes_of(grid, self.cells),
         )
         if reuse and (self.yielding is not None or self.equilibrium.update is None):
             raise ValueError(
@@ -145,7 +155,6 @@ class Simulation(Run):
         self._internal = np.zeros((grid.nodes, grid.dim))
         self._held = np.zeros(grid.cells, np.int8)  # cells that hold material
         self.initial_acceleration, self._unmoved, self._left = initial_acceleration, [], []
-        self.courant_number = courant_number(grid, self.bodies, stepping)
         self.correction_kind = mapping.correction or chosen_correction(
             mapping, stepping, self.courant_number
         )
@@ -211,6 +220,7 @@ class Simulation(Run):
                 + f"; sweeps: {self.deposit.sweeps}",
                 f"initial acceleration: {self.initial_acceleration.value}",
             ]
+        lines.append(f"solver: {self.equilibrium}")
         for term, contribution in zip(self.terms, self.scene.contributions, strict=False):
             note = f": {contribution.note}" if contribution.note else ""
             lines.append(f"term: {type(term).__name__}{note}")
