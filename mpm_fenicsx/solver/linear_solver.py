@@ -71,10 +71,10 @@ def linear_solver(
 def warn_of_unread(ksp: PETSc.KSP, names: list[str]) -> None:
     """Warn of options that a solver has not asked for, though it has solved; PETSc tells it since
     3.20."""
-    table = PETSc.Options(ksp.getOptionsPrefix())
+    table, own = PETSc.Options(), ksp.getOptionsPrefix()
     if not hasattr(table, "used"):
         return
-    unread = [name for name in names if not table.used(name)]
+    unread = [name for name in names if not table.used(own + name)]
     if unread:
         warnings.warn(
             f"petsc: PETSc has not asked for {', '.join(unread)}: misspelt, or of a solver that is "

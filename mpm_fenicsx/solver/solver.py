@@ -9,7 +9,6 @@ from dataclasses import dataclass, field
 from ..common.checks import an_object, finite
 from .newton import Newton
 
-
 PREFIX = re.compile(r"|[A-Za-z]\w*_")
 
 
