@@ -131,7 +131,9 @@ class Equilibrium:
     def _kind_of_matrix(self) -> str | None:
         """PETSc's name of the format: of blocks where the solver takes them, and the user's
         options leave it what it is."""
-        plain = not self._options if self.motion.grid.comm.size == 1 else self._leave_the_solver
+        alone = self.motion.grid.comm.size == 1
+        jacobi = {**self.choice.options, **self._options}["pc_type"] == "jacobi"
+        plain = not self._options if alone and not jacobi else self._leave_the_solver
         # PETSc shifts pivots of rows, not of blocks; with facets between cells an incomplete factor
         # needs that
         blocks = self.choice.blocks and plain and self.motion.region.dS is None
@@ -139,8 +141,11 @@ class Equilibrium:
 
     @property
     def _leave_the_solver(self) -> bool:
-        """Whether the user's options say no more than when to stop."""
-        return all(name.startswith("ksp_") and name != "ksp_type" for name in self._options)
+        """Whether the user's options say no more than when to stop, or ask for Jacobi."""
+        return all(
+            name.startswith("ksp_") or (name, value) == ("pc_type", "jacobi")
+            for name, value in self._options.items()
+        )
 
     def _solver(self) -> PETSc.KSP:
         return linear_solver(self.matrix, self.choice.options, self._options, self._prefix)

@@ -15,6 +15,8 @@ RESCUE = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "
 OF_ROWS = ("icc", "ilu", "asm")
 """Small cuts leave rows 1e12 times smaller than others, which an incomplete factor takes for zero
 unless they are scaled; a full factor does without, and would be made anew for every solve."""
+BY_ENERGY = ("jacobi", "pbjacobi", "gamg", "ml", "hypre")
+"""They are stopped by the energy of what is left."""
 OF_NODES = ("gamg", "ml")
 """They want to know what rigid bodies do."""
 
@@ -45,7 +47,7 @@ def linear_solver(
     method, preconditioner = (str(chosen[key]) for key in ("ksp_type", "pc_type"))
     if preconditioner in OF_ROWS or (preconditioner == "jacobi" and method != "cg"):
         chosen = {"ksp_diagonal_scale": True, "ksp_diagonal_scale_fix": True, **chosen}
-    elif method == "cg" and preconditioner != "none":
+    elif method == "cg" and preconditioner in BY_ENERGY:
         # the norm in which small rows weigh as much as others, without scaling
         chosen = {"ksp_norm_type": "natural", **chosen}
     ksp = PETSc.KSP().create(A.comm)
