@@ -24,7 +24,7 @@ from .linear_solver import (
     RESCUE,
     from_table,
     linear_solver,
-    tell_of_rigid_bodies,
+    prepare_multigrid,
     warn_of_unread,
 )
 from .matrix_update import Update
@@ -211,7 +211,7 @@ class Equilibrium:
         self._unknowns = self.motion.grid.dim * self.motion.grid.comm.allreduce(nodes)
         self._choose()
         self.ksp.setOperators(self.part.matrix)
-        tell_of_rigid_bodies(self.part.matrix, self.ksp, self._places())
+        prepare_multigrid(self.ksp, self.part.matrix, self._places())
 
     def _look_for_symmetry(self) -> None:
         """Raise ``ValueError`` once, where K is not symmetric though terms and laws say so."""

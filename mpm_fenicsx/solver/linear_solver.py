@@ -86,15 +86,20 @@ def warn_of_unread(ksp: PETSc.KSP, names: list[str]) -> None:
         )
 
 
-def tell_of_rigid_bodies(A: PETSc.Mat, ksp: PETSc.KSP, places: np.ndarray) -> None:
-    """Give multigrid the motions that it must not see as stiff: those of rigid bodies, of the nodes
-    of ``A`` at ``places`` (n, dim), m.  Collective."""
-    if ksp.getPC().getType() not in OF_NODES or A.getNearNullSpace():
+def prepare_multigrid(ksp: PETSc.KSP, A: PETSc.Mat, places: np.ndarray) -> None:
+    """Where the solver is multigrid, start it anew for the numbers that ``A`` has now, with the
+    motions that it must not see as stiff: those of rigid bodies, of the nodes of ``A`` at
+    ``places`` (n, dim), m.  Collective."""
+    if ksp.getPC().getType() not in OF_NODES:
         return
-    x = A.createVecLeft()
-    x.setBlockSize(places.shape[1])
-    x.array[:] = places.ravel()
-    A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
+    ksp.getPC().setType("none")  # else PETSc 3.18 refuses levels of another size, reset or not
+    ksp.getPC().setFromOptions()
+    ksp.setOperators(A)
+    if not A.getNearNullSpace():
+        x = A.createVecLeft()
+        x.setBlockSize(places.shape[1])
+        x.array[:] = places.ravel()
+        A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
 
 
 def _forget(prefix: str, keys: list[str]) -> None:
