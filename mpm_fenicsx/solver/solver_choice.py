@@ -59,8 +59,7 @@ class System:
 
     @property
     def _size(self) -> str:
-        ranks = "one rank" if self.ranks == 1 else f"{self.ranks} ranks"
-        return f"{self.unknowns} unknowns in {self.dim}D on {ranks}"
+        return f"{self.unknowns} unknowns, {self.ranks} rank{'s' if self.ranks > 1 else ''}"
 
     def _in_statics(self) -> Choice:
         if self.hard:
@@ -79,13 +78,13 @@ class System:
             return self._multigrid(why, 1e-11)
         if alone:
             words, name = (
-                ("an incomplete Cholesky factor", "icc")
+                ("incomplete Cholesky factor", "icc")
                 if self.symmetric
-                else ("an incomplete LU factor", "ilu")
+                else ("incomplete LU factor", "ilu")
             )
             return self._krylov(words, why, {"pc_type": name, "ksp_max_it": 300}, 1e-11, True)
         options = {"pc_type": "jacobi", "ksp_max_it": 600}
-        return self._krylov("Jacobi's preconditioner", why, options, 1e-11, True)
+        return self._krylov("Jacobi", why, options, 1e-11, True)
 
     def _factor(self, why: str) -> Choice:
         mumps = self.ranks > 1 or self.unknowns > FEW[self.dim]
@@ -102,7 +101,7 @@ class System:
     ) -> Choice:
         krylov, name = (CG, "conjugate gradients") if self.symmetric else (GMRES, "GMRES")
         options = {**krylov, "ksp_rtol": tolerance, **options}
-        return Choice(f"{name} with {words}", why, options, iterates=True, blocks=blocks)
+        return Choice(f"{name}, {words}", why, options, iterates=True, blocks=blocks)
 
     def _multigrid(self, why: str, tolerance: float) -> Choice:
         options = {
