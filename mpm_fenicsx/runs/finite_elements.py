@@ -36,7 +36,7 @@ from ..terms.meeting_supports import refuse_disagreement
 from ..terms.scene import Scene
 from .b_bar_checks import warn_of_laws
 from .identity import described
-from .options import InitialAcceleration, check_start, solver_of_today
+from .options import InitialAcceleration, check_start, crossings, solver_of_today
 from .run import Run
 from .scene_checks import check_flags
 
@@ -130,10 +130,20 @@ class FiniteElements(Run):
             solver,
             self.yielding,
             factored=not reassemble,
+            crossings=crossings(grid, materials.materials),
         )
         self._goes_on = start is not None
         if start is not None:
             self._go_on_from(start)
+
+    def __str__(self) -> str:
+        """What the run is made of, and what was chosen for it."""
+        lines = [
+            f"finite elements on {self.grid.cells} cells in {self.grid.dim}D",
+            f"step: {self.stepping}",
+            f"solver: {self.equilibrium}",
+        ]
+        return "\n".join([*lines, *(f"term: {type(term).__name__}" for term in self.terms)])
 
     def _fields_of(self, material) -> tuple:
         """ρ, λ and μ of one material, zero in cells of others."""

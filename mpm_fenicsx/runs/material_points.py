@@ -50,6 +50,7 @@ from .options import (
     choices,
     chosen_correction,
     courant_number,
+    nodes_of,
     of_today,
     unusual,
     warn_of_courant,
@@ -105,7 +106,9 @@ class Simulation(Run):
         if stepping.dynamic:
             self._unmoved = [body for body in self.bodies if body.acceleration is None]
             self._left = [body for body in self.bodies if body.left_by_run]
-        self._bound_for_rest: bool | None = None  # as bodies are at the start
+        # as bodies are at the start: what hangs on these must not change when the grid is divided
+        self._bound_for_rest: bool | None = None
+        self._nodes: int | None = None
         self.balancer = None if balance is None else Balancer(balance)
         self.build(self._check)
 
@@ -142,8 +145,19 @@ class Simulation(Run):
         check()
         self.gauss = GaussPoints(grid, mean_volume=True) if mapping.b_bar else None
         self.yielding = self._can_yield()
+        self.courant_number = courant_number(grid, self.bodies, stepping)
+        if self._nodes is None:
+            self._nodes = nodes_of(grid, self.cells)
         self.equilibrium = Equilibrium(
-            motion, body, others, scene.fixed, solver, self.yielding, reuse > 0.0
+            motion,
+            body,
+            others,
+            scene.fixed,
+            solver,
+            self.yielding,
+            reuse > 0.0,
+            crossings=self.courant_number / stepping.dt,
+            nodes=self._nodes,
         )
         if reuse and (self.yielding is not None or self.equilibrium.update is None):
             raise ValueError(
@@ -157,7 +171,6 @@ class Simulation(Run):
         self.holding: Holding | None = None
         self._internal = np.zeros((grid.nodes, grid.dim))
         self._held = np.zeros(grid.cells, np.int8)  # cells that hold material
-        self.courant_number = courant_number(grid, self.bodies, stepping)
         self.correction_kind = mapping.correction or chosen_correction(
             mapping, stepping, self.courant_number
         )
@@ -231,6 +244,7 @@ class Simulation(Run):
                 + f"; sweeps: {self.deposit.sweeps}",
                 f"initial acceleration: {self.initial_acceleration.value}",
             ]
+        lines.append(f"solver: {self.equilibrium}")
         for term, contribution in zip(self.terms, self.scene.contributions, strict=False):
             note = f": {contribution.note}" if contribution.note else ""
             lines.append(f"term: {type(term).__name__}{note}")

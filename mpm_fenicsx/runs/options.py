@@ -10,8 +10,11 @@ from enum import Enum
 
 from mpi4py import MPI
 
+import numpy as np
+
 from ..common.checks import an_object, in_short
 from ..dynamics.time_stepping import Newmark, QuasiStatic
+from ..grid import dolfinx_versions
 from ..grid.grid import Grid
 from ..mapping.methods import DM_GC, AccelerationCorrection, Mapping
 from ..mapping.projection import DOUBLE_MAPPED
@@ -161,6 +164,23 @@ def courant_number(
     extent = (grid.lattice.upper - grid.lattice.lower).min(initial=float("inf"))
     smallest = grid.comm.allreduce(float(extent), op=MPI.MIN)
     return max(body.material.p_speed for body in bodies) * stepping.dt / smallest
+
+
+def crossings(grid: Grid, materials: Sequence) -> float:
+    """Of how many of the smallest cells, of any mesh, P waves of the fastest material run through
+    in a second (1/s).  Collective."""
+    corner = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][:, :, : grid.dim]
+    extent = np.ptp(corner, axis=1).min(initial=float("inf"))
+    return max(law.p_speed for law in materials) / grid.comm.allreduce(float(extent), op=MPI.MIN)
+
+
+def nodes_of(grid: Grid, cells: Sequence[np.ndarray]) -> int:
+    """How many nodes of the grid belong to the cells (n,) of bodies; those that only another rank
+    knows of are left out.  Collective."""
+    held = np.zeros(grid.nodes, dtype=bool)
+    for cell in cells:
+        held[dolfinx_versions.cell_dofs(grid.space)[cell]] = True
+    return grid.comm.allreduce(int(held[: grid.space.dofmap.index_map.size_local].sum()))
 
 
 def chosen_correction(

@@ -20,9 +20,16 @@ from ..response.response import Response
 from ..terms.contribution import Contribution
 from .active_nodes import Part
 from .changing_factors import ChangingFactors
-from .linear_solver import RESCUE, SolverKind, linear_solver
+from .linear_solver import (
+    RESCUE,
+    from_table,
+    linear_solver,
+    prepare_multigrid,
+    warn_of_unread,
+)
 from .matrix_update import Update
 from .solver import Solver
+from .solver_choice import Choice, System
 
 # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of
 # 1e-18
@@ -43,7 +50,9 @@ class Equilibrium:
     ``response``: what the law adds to elasticity where it can yield: a step then goes on from its
     first solve, by ``Newton.iterate``.  Without it the step is linear.
     ``factored``: K does not change, and is factored once.  PETSc's options in ``solver`` are on top
-    of what suits the stepping and ``symmetric``, whether K is so.
+    of what suits the system (see ``solver_choice``): its size, ``crossings``, how many of the
+    smallest cells P waves run through in a second, and ``symmetric``, whether K is so.
+    ``nodes`` (all ranks) that hold material at the start: all of the grid, if None.
     ``reuse``: where fields of the tangent stay as they are in most cells, only the others are
     assembled.
     """
@@ -58,6 +67,8 @@ class Equilibrium:
         response: Response | None = None,
         reuse: bool = False,
         factored: bool = False,
+        crossings: float = 0.0,
+        nodes: int | None = None,
     ):
         self.motion, self.bcs = motion, fixed
         self.yielding, self._one_solve = response, solver.newton.tolerance is None
@@ -77,10 +88,14 @@ class Equilibrium:
         self._residual = dolfinx_versions.compile_form(residual)
         self._tangent = dolfinx_versions.compile_form(tangent)
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
-        ours = motion.stepping.dynamic and solver.petsc is None and not factored
-        # PETSc shifts pivots of rows, not of blocks; with facets between cells an incomplete factor
-        # needs that
-        self._kind = "baij" if ours and motion.region.dS is None else None
+        self._factored, self._crossings, self._hard = factored, crossings, False
+        self._options = {**(solver.petsc or {}), **from_table(solver.prefix)}
+        self._prefix, self._unread = solver.prefix, list(self._options)
+        if nodes is None:
+            nodes = V.dofmap.index_map.size_global
+        self._unknowns = motion.grid.dim * nodes
+        self.choice = self._suited()
+        self._kind = self._kind_of_matrix()
         self._allocate()
         self.force = fem.Function(V, name="residual")
         self.increment = fem.Function(V, name="increment")
@@ -90,16 +105,66 @@ class Equilibrium:
             dofs, _ = bc.dof_indices()
             self.fixed[dofs] = True
         self.idle = np.zeros(self._owned, dtype=bool)
-        kind = SolverKind(motion.grid.comm, factored or not motion.stepping.dynamic, self.symmetric)
-        self.ksp = linear_solver(self.matrix, kind.options, solver.petsc)
+        self.ksp = self._solver()
         self._looked = self._altered = False
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
-        self._can_rescue = ours
         self.ties: Ties | None = None  # once a node is light
         self._tied: PETSc.Mat | None = None  # P that the part was made for
         self.strict = 0.0
         self._rescue: PETSc.KSP | None = None
+
+    def _suited(self) -> Choice:
+        """The solver that suits the system as it is; the same on all ranks."""
+        grid, stepping = self.motion.grid, self.motion.stepping
+        return System(
+            grid.comm.size,
+            grid.dim,
+            self.symmetric,
+            self._unknowns,
+            stepping.dynamic,
+            self._crossings * stepping.dt if stepping.dynamic else 0.0,
+            self._factored,
+            self._hard,
+        ).choice
+
+    def _kind_of_matrix(self) -> str | None:
+        """PETSc's name of the format: of blocks where the solver takes them, and the user's
+        options leave it what it is."""
+        alone = self.motion.grid.comm.size == 1
+        jacobi = {**self.choice.options, **self._options}["pc_type"] == "jacobi"
+        plain = not self._options if alone and not jacobi else self._leave_the_solver
+        # PETSc shifts pivots of rows, not of blocks; with facets between cells an incomplete factor
+        # needs that
+        blocks = self.choice.blocks and plain and self.motion.region.dS is None
+        return "baij" if blocks else None
+
+    @property
+    def _leave_the_solver(self) -> bool:
+        """Whether the user's options say no more than when to stop, or ask for Jacobi."""
+        return all(
+            name.startswith("ksp_") or (name, value) == ("pc_type", "jacobi")
+            for name, value in self._options.items()
+        )
+
+    def _solver(self) -> PETSc.KSP:
+        return linear_solver(self.matrix, self.choice.options, self._options, self._prefix)
+
+    def _choose(self) -> None:
+        """Another solver, where another suits."""
+        choice = self._suited()
+        same, self.choice = choice.options == self.choice.options, choice
+        if not same:
+            self.ksp.destroy()
+            self.ksp = self._solver()
+
+    def __str__(self) -> str:
+        """Which solver, and why."""
+        options = ", ".join(
+            name if value is None else f"{name}={value}" for name, value in self._options.items()
+        )
+        note = f"; with {options}" if options else ""
+        return f"{self.choice.name} ({self.choice.why}){note}"
 
     def _allocate(self) -> None:
         """The matrix, with room for what the region may come to integrate over."""
@@ -114,6 +179,9 @@ class Equilibrium:
 
     def assemble_tangent(self) -> None:
         """K with the law's tangent as it is, and the part of it that is to be solved."""
+        self._choose()
+        if self._kind is not None and self._kind_of_matrix() is None:
+            self._take_rows()
         if self.motion.region.outgrown:
             with self.motion.region.room():
                 self._allocate()
@@ -139,7 +207,11 @@ class Equilibrium:
         d[bare] = largest if largest > 0.0 else 1.0
         if self.part.take(~bare, self._diagonal):
             self._reset()
+        nodes = np.count_nonzero((~bare).reshape(-1, self.motion.grid.dim).any(axis=1))
+        self._unknowns = self.motion.grid.dim * self.motion.grid.comm.allreduce(nodes)
+        self._choose()
         self.ksp.setOperators(self.part.matrix)
+        prepare_multigrid(self.ksp, self.part.matrix, self._places())
 
     def _look_for_symmetry(self) -> None:
         """Raise ``ValueError`` once, where K is not symmetric though terms and laws say so."""
@@ -164,16 +236,27 @@ class Equilibrium:
         if P is self._tied:
             return False
         if self._kind is not None:  # PETSc takes products of rows, not of blocks
-            self._kind = None
-            with self.motion.region.whole():
-                self._allocate()
-            if self.update is not None:
-                self.update.forget()
+            self._take_rows()
         elif self.update is not None and self.part.matrix is self.matrix:
             self.matrix.setDiagonal(self._plain)  # rows without material have another one
         self._tied, self._condensed = P, None
         self._reset()
         return True
+
+    def _take_rows(self) -> None:
+        """A matrix of rows in place of one of blocks."""
+        self._kind = None
+        with self.motion.region.whole():
+            self._allocate()
+        self._reset()
+        if self.update is not None:
+            self.update.forget()
+
+    def _places(self) -> np.ndarray:
+        """Nodes (n, dim), m, of the part that is solved."""
+        dim = self.motion.grid.dim
+        x = self.motion.grid.space.tabulate_dof_coordinates()[: self._owned // dim, :dim]
+        return x.ravel()[self.part._rows].reshape(-1, dim)
 
     def _condense(self, retied: bool) -> PETSc.Mat:
         """K of the nodes that are not tied."""
@@ -322,7 +405,11 @@ class Equilibrium:
         if self._tied is not None:
             self.ties.pass_on_free(self.force)
         reason = self._run(self.ksp)
-        if reason < 0 and self._can_rescue:
+        if self._unread:
+            names, self._unread = self._unread, []
+            warn_of_unread(self.ksp, names)
+        if reason < 0 and self.choice.iterates and not self._options:
+            self._hard |= self.choice.multigrid
             if self._rescue is None:
                 self._rescue = linear_solver(self.part.matrix, RESCUE)
             self._rescue.setOperators(self.part.matrix)

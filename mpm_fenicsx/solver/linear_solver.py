@@ -1,86 +1,65 @@
-"""The linear solver that suits a run, from PETSc."""
+"""A linear solver of PETSc with options from a run, and from PETSc's table."""
 
 from __future__ import annotations
 
+import warnings
 import weakref
 from collections.abc import Mapping
-from dataclasses import dataclass
 from itertools import count
 
-from mpi4py import MPI
-
+import numpy as np
 from petsc4py import PETSc
 
 RESCUE = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 """For when the solver of a run fails."""
-
-GMRES = {"ksp_type": "gmres", "ksp_gmres_restart": 60}
+OF_ROWS = ("icc", "ilu", "asm")
+"""Small cuts leave rows 1e12 times smaller than others, which an incomplete factor takes for zero
+unless they are scaled; a full factor does without, and would be made anew for every solve."""
+BY_ENERGY = ("jacobi", "pbjacobi", "gamg", "ml", "hypre")
+"""They are stopped by the energy of what is left."""
+OF_NODES = ("gamg", "ml")
+"""They want to know what rigid bodies do."""
 
 _number = count()
 
 
-@dataclass(frozen=True)
-class SolverKind:
-    """What a run's matrix is like: on which ranks, whether it is solved with a ``full`` factor, and
-    whether it is ``symmetric``."""
-
-    comm: MPI.Comm
-    full: bool
-    symmetric: bool
-
-    @property
-    def options(self) -> dict[str, object]:
-        """PETSc's options that suit it.
-
-        A full factor in statics, and where K stays as it is; else a Krylov solver with an
-        incomplete factor.
-        """
-        several = self.comm.size > 1
-        if self.full:
-            return {
-                "ksp_type": "preonly",
-                "pc_type": "cholesky" if self.symmetric else "lu",
-                "pc_factor_mat_solver_type": "mumps" if several else "petsc",
-            }
-        incomplete = "icc" if self.symmetric else "ilu"
-        krylov = {"ksp_type": "cg"} if self.symmetric else GMRES
-        # block Jacobi would do on several ranks, but there PETSc 3.18 lets the blocks' factors turn
-        # indefinite
-        return {
-            **krylov,
-            "ksp_rtol": 1e-11,
-            "ksp_max_it": 300,
-            **(
-                {"pc_type": "asm", "pc_asm_type": "basic", "sub_pc_type": incomplete}
-                if several
-                else {"pc_type": incomplete}
-            ),
-        }
+def from_table(prefix: str) -> dict[str, str | None]:
+    """Options that PETSc's table has under a prefix (command line, PETSC_OPTIONS, files), None for
+    one without a value; they count as read."""
+    if not prefix:
+        return {}
+    table = PETSc.Options(prefix)
+    return {key: table.getString(key, "") or None for key in table.getAll()}
 
 
 def linear_solver(
-    A: PETSc.Mat, suited: Mapping[str, object], options: Mapping[str, object] | None = None
+    A: PETSc.Mat,
+    suited: Mapping[str, object],
+    options: Mapping[str, object] | None = None,
+    prefix: str = "",
 ) -> PETSc.KSP:
-    """A solver with the options that are ``suited``, and ``options`` without prefix on top.
+    """A solver with the options that are ``suited``, and ``options`` without prefix on top, under a
+    prefix of its own that ends with ``prefix``.
 
     Raises ``ValueError`` for options that PETSc does not take.
     """
-    chosen = dict(suited)
-    chosen.update(options or {})
-    if chosen["pc_type"] in ("icc", "ilu", "asm"):
-        # small cuts leave rows 1e12 times smaller than others, which the factor takes for zero
-        # unless they are scaled; a full factor does without, and would be made anew for every solve
+    chosen = {**suited, **(options or {})}
+    method, preconditioner = (str(chosen[key]) for key in ("ksp_type", "pc_type"))
+    if preconditioner in OF_ROWS or (preconditioner == "jacobi" and method != "cg"):
         chosen = {"ksp_diagonal_scale": True, "ksp_diagonal_scale_fix": True, **chosen}
+    elif method == "cg" and preconditioner in BY_ENERGY:
+        # the norm in which small rows weigh as much as others, without scaling
+        chosen = {"ksp_norm_type": "natural", **chosen}
     ksp = PETSc.KSP().create(A.comm)
-    prefix = f"mpm_{next(_number)}_"
-    ksp.setOptionsPrefix(prefix)
-    store = PETSc.Options(prefix)
+    own = f"mpm_{next(_number)}_{prefix}"
+    ksp.setOptionsPrefix(own)
+    store = PETSc.Options(own)
     for key, value in chosen.items():
         store[key] = value
     ksp.setOperators(A)
     # solvers of blocks and other packages' factors read theirs only when they are set up, and again
     # after a reset
-    weakref.finalize(ksp, _forget, prefix, list(chosen))
+    weakref.finalize(ksp, _forget, own, list(chosen))
     try:
         ksp.setFromOptions()
     except PETSc.Error as error:
@@ -89,6 +68,38 @@ def linear_solver(
             f"(error code {error.ierr})"
         ) from None
     return ksp
+
+
+def warn_of_unread(ksp: PETSc.KSP, names: list[str]) -> None:
+    """Warn of options that a solver has not asked for, though it has solved; PETSc tells it since
+    3.20."""
+    table, own = PETSc.Options(), ksp.getOptionsPrefix()
+    if not hasattr(table, "used"):
+        return
+    unread = [name for name in names if not table.used(own + name)]
+    if unread:
+        warnings.warn(
+            f"petsc: PETSc has not asked for {', '.join(unread)}: misspelt, or of a solver that is "
+            "not at work here",
+            UserWarning,
+            stacklevel=2,
+        )
+
+
+def prepare_multigrid(ksp: PETSc.KSP, A: PETSc.Mat, places: np.ndarray) -> None:
+    """Where the solver is multigrid, start it anew for the numbers that ``A`` has now, with the
+    motions that it must not see as stiff: those of rigid bodies, of the nodes of ``A`` at
+    ``places`` (n, dim), m.  Collective."""
+    if ksp.getPC().getType() not in OF_NODES:
+        return
+    ksp.getPC().setType("none")  # else PETSc 3.18 refuses levels of another size, reset or not
+    ksp.getPC().setFromOptions()
+    ksp.setOperators(A)
+    if not A.getNearNullSpace():
+        x = A.createVecLeft()
+        x.setBlockSize(places.shape[1])
+        x.array[:] = places.ravel()
+        A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
 
 
 def _forget(prefix: str, keys: list[str]) -> None:
