@@ -18,15 +18,19 @@ def anywhere(comm: MPI.Comm, message: str | None) -> str | None:
 
 
 @contextmanager
-def together(comm: MPI.Comm) -> Iterator[None]:
-    """Make a ``ValueError`` of one rank one of every rank.  Nothing inside may be collective."""
+def together(comm: MPI.Comm, kind: type[Exception] = ValueError) -> Iterator[None]:
+    """Make an error of one rank, of this kind, a ``ValueError`` of every rank; on one rank it stays
+    what it is.  Nothing inside may be collective."""
     message = cause = None
     try:
         yield
-    except ValueError as error:
-        message, cause = str(error), error
+    except kind as error:
+        if comm.size == 1:
+            raise
+        cause, name = error, type(error).__name__
+        message = str(error) if isinstance(error, ValueError) else f"{name}: {error}"
     message = anywhere(comm, message)
-    if message:
+    if message is not None:
         raise ValueError(message) from cause
 
 

@@ -204,7 +204,7 @@ class MaterialPoints:
         x = lattice.lower[:, None] + (place + 0.5) * spacing[:, None]
         body = np.ones(x.shape[:2], dtype=bool)  # of ghost cells too, which tell what is exposed
         if inside is not None:
-            with together(grid.comm):
+            with together(grid.comm, Exception):
                 body = chosen("inside", inside, x.reshape(body.size, dim).T).reshape(body.shape)
         exposed = np.zeros((*body.shape, dim, 2), dtype=bool)
         for d in range(dim):
@@ -227,7 +227,8 @@ class MaterialPoints:
             number = (per_cell * grid.cell_numbers[:, None] + np.arange(per_cell))[keep]
             x = x + jitter * (2.0 * uniform(seed, number, dim) - 1.0) * 2 * half
         volume = (2 * half).prod(axis=1)
-        given = {name: _column(name, value, x) for name, value in (parameters or {}).items()}
+        with together(grid.comm, Exception):
+            given = {name: _column(name, value, x) for name, value in (parameters or {}).items()}
         if material.length:
             given["size"] = (volume * per_cell) ** (1 / dim)
         return cls(material, x, half, volume, parameters=given, exposed=exposed, seat=seat)
