@@ -12,7 +12,16 @@ from test_ranks import environment, mpiexec
 
 TOLERANCE = 1e-9
 """Of the largest value of a field; the solver stops at 1e-13, Newton's method at 1e-12."""
-QUICK = ("column 2D", "slope", "elements 2D", "block 3D", "refused", "failing")
+QUICK = (
+    "column 2D",
+    "slope",
+    "elements 2D",
+    "block 3D",
+    "elements of bodies",
+    "given acceleration",
+    "refused",
+    "failing",
+)
 
 RAISES = """
 import mpm_fenicsx as mpm
