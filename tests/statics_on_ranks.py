@@ -173,6 +173,27 @@ def given_acceleration() -> dict:
     return watched.points()
 
 
+def points_by_hand() -> dict:
+    """Points that every rank is given whole, one of them twice, count once, and twice; and so they
+    do in a second run on another grid."""
+    rng, grid = np.random.default_rng(5), boxed(2, 0.0)
+    x = rng.uniform(0.1, 0.9, (40, 2)) * [1.0, 1.5]
+    x[1] = x[0]
+    half = np.full_like(x, 0.05)
+    body = mpm.MaterialPoints(SOIL, x, half, (2.0 * half).prod(axis=1))
+    body.velocity = 1e-2 * np.sin(x)
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], mpm.DM_GC, EXACT)
+    watched = Watched(run)
+    numbers = watched.numbers
+    run.step()
+    mass = COMM.allreduce(float(body.mass.sum()))
+    run = mpm.Simulation(boxed(2, 1.5), body, mpm.Newmark(1e-3), [], mpm.DM_GC, EXACT)
+    watched = Watched(run)
+    watched.numbers = numbers
+    run.step()
+    return {**watched.points(), "mass": {"": [mass]}}
+
+
 def refused() -> dict:
     """What cannot be is refused on all ranks, wherever it is seen."""
     grid = boxed(2, 0.0)
@@ -310,6 +331,7 @@ CASES = {
     "elements 3D": lambda: elements(3),
     "elements of bodies": elements_of_bodies,
     "given acceleration": given_acceleration,
+    "points by hand": points_by_hand,
     "refused": refused,
     "failing": failing,
 }

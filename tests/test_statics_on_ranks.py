@@ -19,6 +19,7 @@ QUICK = (
     "block 3D",
     "elements of bodies",
     "given acceleration",
+    "points by hand",
     "refused",
     "failing",
 )

@@ -25,9 +25,10 @@ class MaterialPoints:
 
     ``x`` (n, dim), m; ``half`` (n, dim), m: half the support domain; ``volume`` (n,), m³; ``mass``
     (n,), kg; ``stress`` (n, components), Pa (see ``tensors``).  ``velocity`` and ``acceleration``
-    (n, dim) exist in dynamic scenes only.  On several ranks a run takes points to the rank of their
-    cell, and ``number`` (n,) says which they are: from their places when the first run begins, the
-    same on any number of ranks.  Make them with ``fill``; raises ``ValueError`` for
+    (n, dim) exist in dynamic scenes only.  On several ranks each may be given all points, or its
+    own; a run takes points to the rank of their cell, where each counts once, and ``number`` (n,)
+    says which they are: from their places when the first run begins, the same on any number of
+    ranks.  Make them with ``fill``; raises ``ValueError`` for
     arrays that do not fit or are not finite.
     """
 
