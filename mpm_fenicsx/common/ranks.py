@@ -2,12 +2,29 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from mpi4py import MPI
 
 import numpy as np
+
+
+def end_together() -> None:
+    """Where several ranks run, an error that ends one ends all, once it is printed.  ``python -m
+    mpi4py`` means to do so, but after PETSc has closed, which waits for the others for ever."""
+    if MPI.COMM_WORLD.size == 1:
+        return
+    show = sys.excepthook
+
+    def hook(kind, error, traceback) -> None:
+        show(kind, error, traceback)
+        sys.stderr.flush()
+        if not MPI.Is_finalized():
+            MPI.COMM_WORLD.Abort(1)
+
+    sys.excepthook = hook
 
 
 def anywhere(comm: MPI.Comm, message: str | None) -> str | None:
