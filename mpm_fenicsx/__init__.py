@@ -8,6 +8,7 @@ from .common import requirements as _needs  # noqa: F401  first: it says what is
 from .analytical.waves import relative_error
 from .common import tensors
 from .common.errors import RunError
+from .common.ranks import end_together as _end_together
 from .contact.contact import Contact
 from .dynamics.time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .grid.grid import Grid
@@ -110,6 +111,7 @@ __all__ = [
     "trapezoidal",
 ]
 
+_end_together()
 _BEFORE = {"Viscous": "ViscousBoundary", "Viscoelastic": "ViscoelasticBoundary"}
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TypeVar
@@ -13,6 +14,22 @@ import numpy as np
 T = TypeVar("T")
 
 
+def end_together() -> None:
+    """Where several ranks run, an error that ends one ends all, once it is printed.  ``python -m
+    mpi4py`` means to do so, but after PETSc has closed, which waits for the others for ever."""
+    if MPI.COMM_WORLD.size == 1:
+        return
+    show = sys.excepthook
+
+    def hook(kind, error, traceback) -> None:
+        show(kind, error, traceback)
+        sys.stderr.flush()
+        if not MPI.Is_finalized():
+            MPI.COMM_WORLD.Abort(1)
+
+    sys.excepthook = hook
+
+
 def anywhere(comm: MPI.Comm, message: T | None) -> T | None:
     """The first message that a rank has, on every rank: all stop together, or none does."""
     if comm.size == 1:
@@ -21,15 +38,19 @@ def anywhere(comm: MPI.Comm, message: T | None) -> T | None:
 
 
 @contextmanager
-def together(comm: MPI.Comm) -> Iterator[None]:
-    """Make a ``ValueError`` of one rank one of every rank.  Nothing inside may be collective."""
+def together(comm: MPI.Comm, kind: type[Exception] = ValueError) -> Iterator[None]:
+    """Make an error of one rank, of this kind, a ``ValueError`` of every rank; on one rank it stays
+    what it is.  Nothing inside may be collective."""
     message = cause = None
     try:
         yield
-    except ValueError as error:
-        message, cause = str(error), error
+    except kind as error:
+        if comm.size == 1:
+            raise
+        cause, name = error, type(error).__name__
+        message = str(error) if isinstance(error, ValueError) else f"{name}: {error}"
     message = anywhere(comm, message)
-    if message:
+    if message is not None:
         raise ValueError(message) from cause
 
 

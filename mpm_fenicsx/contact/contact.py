@@ -67,7 +67,10 @@ class Contact(Run):
                     f"bodies: all runs need one stepping, got {first.stepping} and {run.stepping}"
                 )
         if first.grid.comm.size > 1:
-            raise ValueError("contact on several ranks is not supported")
+            raise ValueError(
+                f"Contact runs on one rank, and here are {first.grid.comm.size}: start it without "
+                "mpiexec"
+            )
         super().__init__(
             first.name, first.grid, first.stepping, [term for run in runs for term in run.terms]
         )

@@ -239,7 +239,7 @@ class Grid:
         count = np.zeros(len(mask), dtype=np.int64)
         self._bits = {}
         for bit, (name, locate) in enumerate({**sets, **named}.items()):
-            with together(self.comm):
+            with together(self.comm, Exception):
                 found = dmesh.locate_entities_boundary(mesh, dim - 1, locate)
             if name in named and not self.comm.allreduce(len(found)):
                 raise ValueError(f"facets: the set {name!r} is empty")

@@ -83,7 +83,7 @@ class Ties:
         P, self.tied = None, np.zeros_like(self._fixed)
         for _ in range(LAYERS):
             node, beside, weight = self._beside(light & ~known, known, cells)
-            found = self._sum(np.bincount(node, minlength=self.grid.nodes).astype(float))
+            found = summed(self.grid, np.bincount(node, minlength=self.grid.nodes).astype(float))
             if not self.grid.comm.allreduce(found.max(initial=0.0), op=MPI.MAX) > 0.0:
                 break
             layer = self._layer(node, beside, weight / found[node][:, None], found > 0.0)
@@ -155,16 +155,6 @@ class Ties:
         _add(P, rows, columns, values)
         P.assemble()
         return P
-
-    def _sum(self, values: np.ndarray) -> np.ndarray:
-        """Values (nodes,) added up over all ranks."""
-        if self.grid.comm.size == 1:
-            return values
-        f = fem.Function(self.grid.space)
-        nodal = f.x.array.reshape(-1, self.grid.dim)
-        nodal[:, 0] = values
-        dolfinx_versions.gather(f)
-        return nodal[:, 0].copy()
 
     def condense(self, A: PETSc.Mat, into: PETSc.Mat | None) -> PETSc.Mat:
         """PᵀAP without what is fixed, ``into`` that of an earlier step with the same ties."""
@@ -240,14 +230,16 @@ class Ties:
 
     def hand_over(self, values: np.ndarray, givers: np.ndarray, takers: np.ndarray) -> np.ndarray:
         """Nodal values (nodes,) after light nodes among ``givers`` (nodes,) gave theirs to
-        ``takers`` on a line with them; on one rank."""
+        ``takers`` on a line with them.  Ghosts have their owners' values.  Collective."""
         light, _, cells = np.split(self._shown, np.cumsum([self.grid.nodes] * 2))
         node, beside, weight = self._beside(light & givers, takers, cells)
-        share = values[node] / np.maximum(np.bincount(node, minlength=self.grid.nodes)[node], 1)
+        count = summed(self.grid, np.bincount(node, minlength=self.grid.nodes).astype(float))
+        share = values[node] / np.maximum(count[node], 1)
         values = values.copy()
-        values[node] = 0.0
+        values[count > 0.0] = 0.0
+        values[self.grid.space.dofmap.index_map.size_local :] = 0.0
         np.add.at(values, beside, weight * share[:, None])
-        return values
+        return summed(self.grid, values)
 
     def _apply(self, product: Callable, f: fem.Function) -> None:
         owned = len(self._x.array)
@@ -255,6 +247,17 @@ class Ties:
         product(self._x, self._y)
         f.x.array[:owned] = self._y.array
         dolfinx_versions.share(f)
+
+
+def summed(grid: Grid, values: np.ndarray) -> np.ndarray:
+    """Nodal values (nodes,) added up over all ranks.  Collective."""
+    if grid.comm.size == 1:
+        return values
+    f = fem.Function(grid.space)
+    nodal = f.x.array.reshape(-1, grid.dim)
+    nodal[:, 0] = values
+    dolfinx_versions.gather(f)
+    return nodal[:, 0].copy()
 
 
 def _add(P: PETSc.Mat, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> None:

@@ -15,7 +15,7 @@ from .migration import Migration
 
 def enter(body: MaterialPoints, grid: Grid, migration: Migration | None = None) -> np.ndarray:
     """Cell (n,) of each point.  On several ranks ``migration`` takes them to their owners, and they
-    get numbers.
+    get numbers; those made by hand that several ranks have count once.
 
     Raises ``ValueError``, on all ranks, for a body that the grid does not hold.
     """
@@ -55,15 +55,32 @@ def enter(body: MaterialPoints, grid: Grid, migration: Migration | None = None) 
         return cell
     body.take({name: value.copy() for name, value in body.state().items()})  # written into
     if going.moving[0]:
+        by_hand = body.number is None and body.exposed is None
+        origin = np.full(len(body), grid.comm.rank)
         arrays, rows, cells = migration.send(
-            {"cell": cell, **body.state()}, going.cells[0], going.far
+            {"cell": cell, "origin": origin, **body.state()}, going.cells[0], going.far
         )
-        cell = arrays.pop("cell")
+        cell, origin = arrays.pop("cell"), arrays.pop("origin")
         cell[rows] = cells
         body.take(arrays)
+        if by_hand:
+            once = _once(body, origin)
+            cell = cell[once]
+            body.take({name: value[once] for name, value in body.state().items()})
     if body.number is None:
         body.number = numbers_of(grid, body.x, cell)
     return cell
+
+
+def _once(body: MaterialPoints, origin: np.ndarray) -> np.ndarray:
+    """Which points (n,), bool, are left if each counts only as often as the first of the ranks
+    ``origin`` (n,) gave it that has it."""
+    things = np.column_stack((body.x, body.half, body.volume))
+    _, which = np.unique(things, axis=0, return_inverse=True)
+    which = which.ravel()
+    first = np.full(len(which), np.iinfo(origin.dtype).max)
+    np.minimum.at(first, which, origin)
+    return origin == first[which]
 
 
 def numbers_of(grid: Grid, x: np.ndarray, cell: np.ndarray) -> np.ndarray:

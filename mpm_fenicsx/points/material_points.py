@@ -25,9 +25,10 @@ class MaterialPoints:
 
     ``x`` (n, dim), m; ``half`` (n, dim), m: half the support domain; ``volume`` (n,), m³; ``mass``
     (n,), kg; ``stress`` (n, components), Pa (see ``tensors``).  ``velocity`` and ``acceleration``
-    (n, dim) exist in dynamic scenes only.  On several ranks a run takes points to the rank of their
-    cell, and ``number`` (n,) says which they are: from their places when the first run begins, the
-    same on any number of ranks.  Make them with ``fill``; raises ``ValueError`` for
+    (n, dim) exist in dynamic scenes only.  On several ranks each may be given all points, or its
+    own; a run takes points to the rank of their cell, where each counts once, and ``number`` (n,)
+    says which they are: from their places when the first run begins, the same on any number of
+    ranks.  Make them with ``fill``; raises ``ValueError`` for
     arrays that do not fit or are not finite.
     """
 
@@ -204,7 +205,7 @@ class MaterialPoints:
         x = lattice.lower[:, None] + (place + 0.5) * spacing[:, None]
         body = np.ones(x.shape[:2], dtype=bool)  # of ghost cells too, which tell what is exposed
         if inside is not None:
-            with together(grid.comm):
+            with together(grid.comm, Exception):
                 body = chosen("inside", inside, x.reshape(body.size, dim).T).reshape(body.shape)
         exposed = np.zeros((*body.shape, dim, 2), dtype=bool)
         for d in range(dim):
@@ -227,7 +228,8 @@ class MaterialPoints:
             number = (per_cell * grid.cell_numbers[:, None] + np.arange(per_cell))[keep]
             x = x + jitter * (2.0 * uniform(seed, number, dim) - 1.0) * 2 * half
         volume = (2 * half).prod(axis=1)
-        given = {name: _column(name, value, x) for name, value in (parameters or {}).items()}
+        with together(grid.comm, Exception):
+            given = {name: _column(name, value, x) for name, value in (parameters or {}).items()}
         if material.length:
             given["size"] = (volume * per_cell) ** (1 / dim)
         return cls(material, x, half, volume, parameters=given, exposed=exposed, seat=seat)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 import zlib
 from collections.abc import Callable, Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,7 @@ from ..materials.law_checks import check_law
 from ..materials.material import NOTHING, Given, hooke
 from ..points.location import enter
 from ..points.material_points import MaterialPoints
+from ..points.migration import Migration
 
 INWARD = 1e-3  # of the way from corner to centre: where a cell is asked whether an edge cuts it
 FULL = 1e-6  # of a cell: so much may be lacking
@@ -240,7 +242,7 @@ def _refuse(grid: Grid, message: str | None) -> None:
 def _of_regions(grid: Grid, regions: Sequence[Callable]) -> np.ndarray:
     """Which region holds the centre of each cell (cells,)."""
     centre = _corners(grid).mean(axis=1)
-    with together(grid.comm):
+    with together(grid.comm, Exception):
         held = np.array([_asked(where, centre) for where in regions])
     bad, message = np.flatnonzero(held.sum(axis=0) != 1), None
     if len(bad):
@@ -270,7 +272,7 @@ def _of_bodies(grid: Grid, bodies: Sequence[MaterialPoints]) -> np.ndarray:
     """Which body's points lie in each cell (cells,); the last of those of equal materials."""
     for n, body in enumerate(bodies):
         _refuse(grid, _in_motion(n, body))
-    cells = [enter(body, grid) for body in bodies]
+    bodies, cells = zip(*(_entered(grid, body) for body in bodies), strict=True)
     number, centre, message = np.full(grid.cells, -1), _corners(grid).mean(axis=1), None
     for n, (body, cell) in enumerate(zip(bodies, cells, strict=True)):
         before = np.unique(number[cell])
@@ -293,6 +295,17 @@ def _of_bodies(grid: Grid, bodies: Sequence[MaterialPoints]) -> np.ndarray:
     _refuse(grid, message)
     _check_filling(grid, bodies, cells, centre)
     return grid.share_cells(number)
+
+
+def _entered(grid: Grid, body: MaterialPoints) -> tuple[MaterialPoints, np.ndarray]:
+    """The body and the cell (n,) of each point; on several ranks copies of its points where this
+    rank has their cells: it may have been made on another grid."""
+    if grid.comm.size == 1:
+        return body, enter(body, grid)
+    mine = copy(body)
+    mine.parameters = dict(body.parameters)
+    cell = enter(mine, grid, Migration(grid))
+    return mine, cell
 
 
 def _in_motion(number: int, body: MaterialPoints) -> str | None:

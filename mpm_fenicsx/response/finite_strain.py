@@ -14,6 +14,7 @@ import numpy as np
 import ufl
 
 from ..common import tensors
+from ..common.ranks import together
 from ..dynamics.motion import Motion
 from ..grid import weak_forms
 from ..grid.gauss_points import GaussField, GaussPoints, measure
@@ -126,12 +127,17 @@ class FiniteStrainPoints(FiniteStrainAtGaussPoints):
         self.stress.rows[:] = self.tangent.rows[:] = 0.0
         gradient = self.gauss.gradient(u)
         f = deformation(gradient)
-        for (body, _), pairs, states in zip(self._bodies, self._pairs, self._states, strict=True):
-            before = tensors.matrix(body.stress, body.dim).reshape(len(body), body.dim**2)
-            for point, where, weight in _chunks(*pairs):
-                stress, tangent = self._response(body.material, states, gradient, f, where, point)
-                add(where, weight, stress - before[point], self.stress.rows)
-                add(where, weight, tangent, self.tangent.rows)
+        with together(self.motion.grid.comm, Exception):
+            for (body, _), pairs, states in zip(
+                self._bodies, self._pairs, self._states, strict=True
+            ):
+                before = tensors.matrix(body.stress, body.dim).reshape(len(body), body.dim**2)
+                for point, where, weight in _chunks(*pairs):
+                    stress, tangent = self._response(
+                        body.material, states, gradient, f, where, point
+                    )
+                    add(where, weight, stress - before[point], self.stress.rows)
+                    add(where, weight, tangent, self.tangent.rows)
         self.stress.gather()
         self.tangent.gather()
 
@@ -207,9 +213,10 @@ class FiniteStrainSums(FiniteStrain):
             self._bodies, self._recover, self._states, strict=True
         ):
             gradient, rows = recover(u), np.arange(len(body), dtype=np.int32)
-            stress, tangent = self._response(
-                body.material, states, gradient, deformation(gradient), rows, rows
-            )
+            with together(self.motion.grid.comm, Exception):
+                stress, tangent = self._response(
+                    body.material, states, gradient, deformation(gradient), rows, rows
+                )
             self._deposit(
                 body, stencil, stress - tensors.matrix(body.stress, body.dim).reshape(stress.shape)
             )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..common import tensors
-from ..common.ranks import anywhere
+from ..common.ranks import anywhere, together
 from ..dynamics.motion import Motion
 from ..grid import dolfinx_versions
 from ..grid.gauss_points import GaussPoints
@@ -70,14 +70,15 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
 
     def _respond(self, u: np.ndarray) -> None:
         F, gradient = self._step(u)
-        for part in self.parts:
-            if part.finite:
-                rows, every = part.rows, part.numbers
-                given = part.given(self.size, slice(None))
-                states = self._before, self._one, part.columns(self.history), given
-                self.stress.rows[rows], self.tangent.rows[rows] = self._response(
-                    part.material, states, gradient, F, every, every
-                )
+        with together(self.motion.grid.comm, Exception):
+            for part in self.parts:
+                if part.finite:
+                    rows, every = part.rows, part.numbers
+                    given = part.given(self.size, slice(None))
+                    states = self._before, self._one, part.columns(self.history), given
+                    self.stress.rows[rows], self.tangent.rows[rows] = self._response(
+                        part.material, states, gradient, F, every, every
+                    )
         if self.motion.stepping.start:
             self.stress.rows += self._nominal
 
@@ -115,9 +116,10 @@ class FiniteStrainElements(FiniteStrainAtGaussPoints):
             τ, history = law.respond(strain, np.zeros_like(strain), history, given)
             return F[rows], τ / np.linalg.det(F[rows])[:, None], history
 
-        self.deformation, self.state, self.history = put_together(
-            self.parts, respond, (self.deformation, self.state, self.history)
-        )
+        with together(self.motion.grid.comm, Exception):
+            self.deformation, self.state, self.history = put_together(
+                self.parts, respond, (self.deformation, self.state, self.history)
+            )
         self.derive()
 
     def energy(self, cells: int) -> dict[str, float]:

@@ -74,14 +74,15 @@ class YieldingPoints(YieldingAtGaussPoints):
 
     def _respond(self, u: np.ndarray) -> None:
         strain = self.gauss.strain(u)
-        for (body, _), (point, where, weight) in zip(self._bodies, self._pairs, strict=True):
-            law, state = body.material, (body.stress, body.remembered, body.parameters)
-            lame = law.kinematics.moduli(body)
-            rows, stress, tangent = self._law(law, strain, state, where, point, lame)
-            if len(rows):
-                self.active = True
-                add(where[rows], weight[rows], stress[:, self._plane], self.stress.rows)
-                add(where[rows], weight[rows], tangent, self.tangent.rows)
+        with together(self.motion.grid.comm, Exception):
+            for (body, _), (point, where, weight) in zip(self._bodies, self._pairs, strict=True):
+                law, state = body.material, (body.stress, body.remembered, body.parameters)
+                lame = law.kinematics.moduli(body)
+                rows, stress, tangent = self._law(law, strain, state, where, point, lame)
+                if len(rows):
+                    self.active = True
+                    add(where[rows], weight[rows], stress[:, self._plane], self.stress.rows)
+                    add(where[rows], weight[rows], tangent, self.tangent.rows)
         self.stress.gather()
         self.tangent.gather()
 
@@ -115,21 +116,22 @@ class YieldingElements(YieldingAtGaussPoints):
 
     def _respond(self, u: np.ndarray) -> None:
         strain = self.gauss.strain(u)
-        for part in self.parts:
-            law, every = part.material, part.count
-            if law.linear:
-                continue
-            state = self._state(part)
-            own = law.moduli(*state)
-            strange = not all(np.all(a == b) for a, b in zip(own, law.lame, strict=True))
-            rows, stress, tangent = self._law(
-                law, strain[part.rows], state, every, every, law.lame, strange
-            )
-            if len(rows):
-                self.active = True
-                at = part.numbers[rows]
-                self.stress.rows[at] += stress[:, self._plane]
-                self.tangent.rows[at] += tangent
+        with together(self.motion.grid.comm, Exception):
+            for part in self.parts:
+                law, every = part.material, part.count
+                if law.linear:
+                    continue
+                state = self._state(part)
+                own = law.moduli(*state)
+                strange = not all(np.all(a == b) for a, b in zip(own, law.lame, strict=True))
+                rows, stress, tangent = self._law(
+                    law, strain[part.rows], state, every, every, law.lame, strange
+                )
+                if len(rows):
+                    self.active = True
+                    at = part.numbers[rows]
+                    self.stress.rows[at] += stress[:, self._plane]
+                    self.tangent.rows[at] += tangent
 
     def memory(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
@@ -144,9 +146,10 @@ class YieldingElements(YieldingAtGaussPoints):
             elastic = hooke(law.lame, mine, self._elastic[part.rows])
             return elastic, *law.respond(mine, *self._state(part))
 
-        self._elastic, self.state, self.history = put_together(
-            self.parts, respond, (self._elastic, self.state, self.history)
-        )
+        with together(self.motion.grid.comm, Exception):
+            self._elastic, self.state, self.history = put_together(
+                self.parts, respond, (self._elastic, self.state, self.history)
+            )
 
     def energy(self, cells: int) -> dict[str, float]:
         """Strain energy and plastic work (J) of the first ``cells`` cells."""

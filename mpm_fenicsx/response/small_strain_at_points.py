@@ -8,6 +8,7 @@ import numpy as np
 import ufl
 
 from ..common import tensors
+from ..common.ranks import together
 from ..dynamics.motion import Motion
 from ..grid import weak_forms
 from ..mapping.projection import AT_POINTS, Projection
@@ -67,11 +68,10 @@ class YieldingAtPoints(Response):
             if law.linear:
                 continue
             strain = tensors.strain(self._recover(number, u))
-            state, lame = (
-                (body.stress, body.remembered, body.parameters),
-                law.kinematics.moduli(body),
-            )
-            rows, stress, tangent = self._law(law, strain, state, every, every, lame)
+            state = body.stress, body.remembered, body.parameters
+            with together(self.motion.grid.comm, Exception):
+                lame = law.kinematics.moduli(body)
+                rows, stress, tangent = self._law(law, strain, state, every, every, lame)
             self.active = self.active or len(rows) > 0
             beyond, moduli = np.zeros_like(body.stress), np.zeros((len(body), tangent.shape[1]))
             beyond[rows], moduli[rows] = stress, tangent

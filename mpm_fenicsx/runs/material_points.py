@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ..common.errors import RunError
-from ..common.ranks import anywhere
+from ..common.ranks import anywhere, together
 from ..common.spread import Part, Spread
 from ..dynamics.motion import Motion
 from ..dynamics.time_stepping import Newmark, QuasiStatic
@@ -257,9 +257,11 @@ class Simulation(Run):
         of the balance."""
         warn_of_interfaces(self.grid, self.bodies, self.cells)
         warn_of_courant(self.courant_number, self.stepping)
-        unmoved = [*self._left, *(body for body in self._unmoved if not body.acceleration.any())]
+        comm = self.grid.comm
+        given = [comm.allreduce(int(body.acceleration.any())) for body in self._unmoved]
+        unmoved = [*self._left, *(b for b, n in zip(self._unmoved, given, strict=True) if not n)]
         if (
-            not self.grid.comm.allreduce(len(unmoved))
+            not comm.allreduce(len(unmoved))
             or self.initial_acceleration is InitialAcceleration.ZERO
         ):
             return
@@ -407,13 +409,14 @@ class Simulation(Run):
                 message = f"{self._of[number]}{error}"
         self._stop_together(message)  # before anything has changed
         before_step = [body.stress for body in self.bodies]
-        for body, stencil, (gradient, _) in zip(self.bodies, self.stencils, found, strict=True):
-            volumetric = (
-                stencil.mean_of_cells(self.gauss.mean_divergence(u))
-                if self.gauss is not None
-                else None
-            )
-            body.material.kinematics.respond(body, gradient, volumetric)
+        with together(self.grid.comm, Exception):
+            for body, stencil, (gradient, _) in zip(self.bodies, self.stencils, found, strict=True):
+                volumetric = (
+                    stencil.mean_of_cells(self.gauss.mean_divergence(u))
+                    if self.gauss is not None
+                    else None
+                )
+                body.material.kinematics.respond(body, gradient, volumetric)
         if self.correction is not None:
             changes = [
                 body.material.kinematics.change(stress, body.stress, gradient)

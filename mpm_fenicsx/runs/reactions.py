@@ -1,9 +1,15 @@
 """Reactions of fixed edges as tractions, for surfaces that are to bear them when the fixities are
-gone."""
+gone.
+
+The system is one of the nodes on surfaces alone, and small: on several ranks each sends its rows to
+the first, which solves and hands the tractions to all.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+
+from mpi4py import MPI
 
 import numpy as np
 import ufl
@@ -11,9 +17,10 @@ from dolfinx import fem
 from scipy.sparse import csr_matrix, vstack
 from scipy.sparse.linalg import lsqr, spsolve
 
+from ..common.ranks import together
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid, GridSurface
-from ..mapping.ties import Ties
+from ..mapping.ties import Ties, summed
 from ..points.surface_points import SurfacePoints
 from ..terms.boundary_patches import PointPatch
 from ..terms.loads import Traction
@@ -36,12 +43,15 @@ def tractions(
     they must be where the material points are scattered). ``ties``: those of the run; light nodes
     that are fixed beside a surface, which does not touch them, hand what they bear to the nodes of
     it that they will be tied to.
-    Raises ``ValueError`` on several ranks, for surfaces of both kinds or none, one that is on no
-    fixed edge, or too few surface points.
+    Of surface points the value has a row for each, on several ranks one for each of all ranks,
+    ``SurfacePoints.of_given`` of which are those here.  Collective.
+    Raises ``ValueError``, on all ranks, for surfaces of both kinds or none, one that is on no fixed
+    edge, or too few surface points.
     """
-    if scene.grid.comm.size > 1:
-        raise ValueError("reactions are found on one rank only")
-    fixed, borne = (a.reshape(-1, scene.grid.dim) for a in (fixed, borne))
+    R = fem.Function(scene.grid.space)
+    R.x.array[:] = borne
+    dolfinx_versions.share(R)  # ghosts may have other values
+    fixed, borne = (a.reshape(-1, scene.grid.dim) for a in (fixed, R.x.array))
     for kind, find in ((SurfacePoints, _at_points), (GridSurface, _on_facets)):
         if surfaces and all(isinstance(surface, kind) for surface in surfaces):
             found = find(scene, fixed, borne, surfaces, ties)
@@ -56,48 +66,93 @@ def tractions(
 def _at_points(
     scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence, ties: Ties | None
 ) -> list[np.ndarray]:
-    patches = [PointPatch(surface, scene) for surface in surfaces]
-    for patch in patches:
-        patch.prepare(0.0, 0.0)
-    weights = vstack([patch.faces.weights for patch in patches], format="csr")  # (points, nodes)
+    grid, comm = scene.grid, scene.grid.comm
+    weights = [_weights(surface, scene) for surface in surfaces]  # (points, nodes) each
+    there = [abs(w) @ (~fixed).astype(float) <= HAIR for w in weights]  # (points, dim) each
+    _refuse_free(comm, there)
+    lengths = [len(s) if s.number is None else s.given for s in surfaces]  # of all ranks
+    ends = np.cumsum([0, *lengths])
+    number = np.concatenate(
+        [
+            start + (np.arange(len(s)) if s.number is None else s.number)
+            for start, s in zip(ends[:-1], surfaces, strict=True)
+        ]
+    )
+    weights, there = vstack(weights, format="csr"), np.concatenate(there)
+    largest = comm.allreduce(float(np.abs(borne).max(initial=0.0)), op=MPI.MAX)
     root = np.sqrt(np.concatenate([surface.area for surface in surfaces]))
-    free = abs(weights) @ (~fixed).astype(float)
-    there = free <= HAIR  # (points, dim)
-    cuts = np.cumsum([len(surface) for surface in surfaces])[:-1]
-    _refuse_free([part.any() for part in np.split(there, cuts)])
-    t = np.zeros(there.shape)
-    for c in range(t.shape[1]):
+    t = np.zeros((ends[-1], grid.dim))
+    for c in range(grid.dim):
         rows = np.flatnonzero(there[:, c])
-        if not len(rows):
+        if not comm.allreduce(len(rows)):
             continue
         mine = weights[rows]
-        A = csr_matrix(mine.multiply(root[rows, None])).T.tocsr()
-        reached = np.asarray(mine.sum(axis=0)).ravel() > HAIR
-        touched, R = np.flatnonzero(reached), borne[:, c]
+        reached, R = summed(grid, np.asarray(mine.sum(axis=0)).ravel()) > HAIR, borne[:, c]
         if ties is not None:
             R = ties.hand_over(R, fixed[:, c] & ~reached, fixed[:, c] & reached)
-        A, R = A[touched], R[touched]
-        scale = 1.0 / np.sqrt(np.asarray(A.multiply(A).sum(axis=1)).ravel())
-        B = csr_matrix(A.multiply(scale[:, None]))
-        y = lsqr(B, scale * R, atol=1e-15, btol=1e-15, conlim=0.0, iter_lim=50 * len(rows))[0]
-        miss = np.abs(A @ y - R).max() / max(np.abs(borne).max(), np.finfo(float).tiny)
-        if not miss <= EXACT:
-            raise ValueError(
-                f"surfaces: their points are too few for the reactions, {miss:.1e} of which they "
-                "miss"
-            )
-        t[rows, c] = y / root[rows]
-    return np.split(t, cuts)
+        entries = mine.tocoo()
+        at, value = rows[entries.row], entries.data
+        nodes = grid.space.dofmap.index_map
+        column = nodes.local_to_global(entries.col.astype(np.int32))
+        touched = np.flatnonzero(reached[: nodes.size_local]).astype(np.int32)
+        system = _gathered(comm, number[rows], root[rows], number[at], column, value * root[at])
+        known = _gathered(comm, nodes.local_to_global(touched), R[touched])
+        with together(comm):
+            if comm.rank == 0:
+                points, found = _least(*system, *known, largest)
+                t[points, c] = found
+    return np.split(comm.bcast(t), ends[1:-1])
+
+
+def _weights(surface: SurfacePoints, scene: Scene) -> csr_matrix:
+    """What a load of 1 on each point of a surface gives to the nodes (points, nodes)."""
+    patch = next((p for p in scene.patches if p.surface is surface), None)
+    if patch is None:
+        patch = PointPatch(surface, scene)
+    patch.locate()
+    return patch.faces.weights
+
+
+def _least(
+    points: np.ndarray,
+    root: np.ndarray,
+    number: np.ndarray,
+    column: np.ndarray,
+    value: np.ndarray,
+    nodes: np.ndarray,
+    R: np.ndarray,
+    largest: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """The numbers of points, and of all t with Σ_m A_m N_i(x_m) t_m = R_i the one with the least
+    Σ_m A_m t_m².
+
+    ``root`` (points,) is √A; ``value`` = √A N (entries,) of the points ``number`` at nodes
+    ``column``; ``nodes``, ``R``: those that the points touch.  Raises ``ValueError`` where that
+    misses more than a part of ``largest``.
+    """
+    order, there = np.argsort(points), np.isin(column, nodes)
+    points, root = points[order], root[order]
+    at = np.searchsorted(nodes, column[there]), np.searchsorted(points, number[there])
+    A = csr_matrix((value[there], at), shape=(len(nodes), len(points)))
+    scale = 1.0 / np.sqrt(np.asarray(A.multiply(A).sum(axis=1)).ravel())
+    B = csr_matrix(A.multiply(scale[:, None]))
+    y = lsqr(B, scale * R, atol=1e-15, btol=1e-15, conlim=0.0, iter_lim=50 * len(points))[0]
+    miss = np.abs(A @ y - R).max() / max(largest, np.finfo(float).tiny)
+    if not miss <= EXACT:
+        raise ValueError(
+            f"surfaces: their points are too few for the reactions, {miss:.1e} of which they miss"
+        )
+    return points, y / root
 
 
 def _on_facets(
     scene: Scene, fixed: np.ndarray, borne: np.ndarray, surfaces: Sequence, ties: Ties | None
 ) -> list[fem.Function]:
-    grid, mesh, dim = scene.grid, scene.grid.mesh, scene.grid.dim
+    grid, comm, mesh, dim = scene.grid, scene.grid.comm, scene.grid.mesh, scene.grid.dim
     marks = dolfinx_versions.space(mesh, "DQ", 0, (dim,))
     at = dolfinx_versions.cell_dofs(marks)[:, 0]
     there = [_marks(grid, surface, fixed) for surface in surfaces]  # (cells, dim) each
-    _refuse_free([part.any() for part in there])
+    _refuse_free(comm, there)
     u, w, mass = ufl.TrialFunction(grid.space), ufl.TestFunction(grid.space), 0
     for surface, part in zip(surfaces, there, strict=True):
         mark = fem.Function(marks)
@@ -108,10 +163,20 @@ def _on_facets(
     dolfinx_versions.assemble_matrix(A, form, [])
     A.assemble()
     start, column, value = A.getValuesCSR()
-    M = csr_matrix((value, column, start), shape=A.getSize())
-    touched = np.flatnonzero(M.diagonal() > 0.0)
+    row, first = np.repeat(np.arange(len(start) - 1), np.diff(start)), A.getOwnershipRange()[0]
+    held = A.getDiagonal().array > 0.0
+    touched, own = np.flatnonzero(held), held[row]
+    system = _gathered(comm, first + row[own], column[own], value[own])
+    counts, known = (
+        comm.gather(len(touched)),
+        _gathered(comm, first + touched, borne.ravel()[touched]),
+    )
+    parts = None
+    if comm.rank == 0:
+        parts = np.split(_density(*system, *known), np.cumsum(counts)[:-1])
     λ = fem.Function(grid.space)
-    λ.x.array[touched] = spsolve(M[touched][:, touched].tocsc(), borne.ravel()[touched])
+    λ.x.array[touched] = comm.scatter(parts)
+    dolfinx_versions.share(λ)
     V, found = dolfinx_versions.space(mesh, "DQ", 1, (dim,)), []
     for part in there:
         t = fem.Function(V, name="reaction")
@@ -119,6 +184,16 @@ def _on_facets(
         t.x.array.reshape(-1, dim)[dolfinx_versions.cell_dofs(V)] *= part[:, None]
         found.append(t)
     return found
+
+
+def _density(
+    row: np.ndarray, column: np.ndarray, value: np.ndarray, touched: np.ndarray, R: np.ndarray
+) -> np.ndarray:
+    """λ of ∫ N_i λ ds = R_i at the dofs ``touched``, with entries of that mass matrix."""
+    there = np.isin(column, touched)
+    at = (np.searchsorted(touched, dofs[there]) for dofs in (row, column))
+    M = csr_matrix((value[there], tuple(at)), shape=(len(touched), len(touched)))
+    return spsolve(M.tocsc(), R)
 
 
 def _marks(grid: Grid, surface: GridSurface, fixed: np.ndarray) -> np.ndarray:
@@ -136,18 +211,27 @@ def _marks(grid: Grid, surface: GridSurface, fixed: np.ndarray) -> np.ndarray:
         grid.space
     ).ravel()  # the dofs of a cell come in its vertices' order
     there, seen = np.zeros((grid.cells, dim), dtype=bool), np.zeros(grid.cells, dtype=bool)
-    for facet in surface.facets:
-        held = fixed[node[vertices.links(facet)]].all(axis=0)
-        cell = topology.connectivity(dim - 1, dim).links(facet)[0]
-        if seen[cell] and (there[cell] != held).any():
-            raise ValueError(
-                f"surfaces: the facets {surface.names} meet in a corner, fixed in different ways; "
-                "give them one by one"
-            )
-        there[cell], seen[cell] = held, True
+    with together(grid.comm):
+        for facet in surface.facets:
+            held = fixed[node[vertices.links(facet)]].all(axis=0)
+            cell = topology.connectivity(dim - 1, dim).links(facet)[0]
+            if seen[cell] and (there[cell] != held).any():
+                raise ValueError(
+                    f"surfaces: the facets {surface.names} meet in a corner, fixed in different "
+                    "ways; give them one by one"
+                )
+            there[cell], seen[cell] = held, True
     return there
 
 
-def _refuse_free(there: Sequence[bool]) -> None:
-    if not all(there):
-        raise ValueError(f"surfaces: number {there.index(False)} is on no fixed edge of the grid")
+def _refuse_free(comm: MPI.Comm, there: Sequence[np.ndarray]) -> None:
+    """Raise ``ValueError`` where a surface has nothing (things, dim) that is fixed, on any rank."""
+    held = comm.allreduce(np.array([part.any() for part in there], dtype=int)) > 0
+    if not held.all():
+        raise ValueError(f"surfaces: number {np.argmin(held)} is on no fixed edge of the grid")
+
+
+def _gathered(comm: MPI.Comm, *arrays: np.ndarray) -> list[np.ndarray]:
+    """Arrays of all ranks one after the other, on the first; empty elsewhere."""
+    found = comm.gather(arrays)
+    return [np.concatenate(parts) for parts in zip(*found, strict=True)] if found else []

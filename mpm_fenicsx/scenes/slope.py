@@ -12,6 +12,8 @@ after (``fastest`` is 0).  Units: m, s, kg, Pa.
 
 from __future__ import annotations
 
+from mpi4py import MPI
+
 import numpy as np
 
 import mpm_fenicsx as mpm
@@ -112,10 +114,11 @@ class AtRest:
 
     def borne(self) -> np.ndarray:
         """What the base bears of the weight, and both walls together of what is pushed against
-        them (dim,)."""
-        force = self.static.balance()[0].reshape(-1, self.dim).sum(axis=0)
-        return force / (G * self.body.mass.sum())
+        them (dim,).  Collective."""
+        comm, force = self.static.grid.comm, self.static.balance()[0].reshape(-1, self.dim)
+        return comm.allreduce(force.sum(axis=0)) / (G * comm.allreduce(self.body.mass.sum()))
 
     def fastest(self) -> float:
-        """Largest velocity, of ``SPEED``."""
-        return float(np.abs(self.body.velocity).max() / SPEED)
+        """Largest velocity of all ranks, of ``SPEED``.  Collective."""
+        here = float(np.abs(self.body.velocity).max(initial=0.0))
+        return self.static.grid.comm.allreduce(here, op=MPI.MAX) / SPEED

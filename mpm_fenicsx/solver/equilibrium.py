@@ -455,8 +455,8 @@ class Equilibrium:
         return float(np.sqrt(self.motion.grid.comm.allreduce(float(r @ r))))
 
     def support(self, internal: np.ndarray | None) -> tuple[np.ndarray, float]:
-        """What supports bear as things stand, at u = 0 (dofs,), N, zero where nothing is fixed; and
-        what is out of balance at free dofs, relative to ``scale``."""
+        """What supports bear as things stand, at u = 0 (dofs,), N, zero where nothing is fixed and
+        at ghosts; and what is out of balance at free dofs, relative to ``scale``."""
         self.motion.u.x.array[:] = 0.0
         if self.yielding is not None:
             self.yielding.clear()
@@ -466,6 +466,7 @@ class Equilibrium:
         if self.ties is not None and self.ties.P is not None:
             self.ties.pass_on(self.force)
         borne = np.where(self.fixed, r, 0.0)
+        borne[self._owned :] = 0.0
         whole = r.copy()
         found = []
         for left in (raw, whole):
