@@ -33,15 +33,15 @@ def complete(file: Path) -> Iterator[Path]:
 
 @contextmanager
 def failing_together(comm, what: str, path: Path) -> Iterator[None]:
-    """Make what goes wrong on the first rank an ``OSError`` of every rank, which says ``what``
-    failed and ``path``."""
+    """Make what goes wrong on any rank an ``OSError`` of every rank, which says ``what`` failed and
+    ``path``.  Nothing inside may be collective."""
     failure = cause = None
     try:
         yield
     except Exception as error:
         cause = error
         failure = getattr(error, "errno", None) or 0, getattr(error, "strerror", None) or str(error)
-    failure = comm.bcast(failure)
+    failure = next(filter(None, comm.allgather(failure)), None)
     if failure:
         number, reason = failure
         raise OSError(number, f"{what}: {reason}", str(path)) from cause
