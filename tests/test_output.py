@@ -1,7 +1,6 @@
 """Files for ParaView: what is read back is what the run holds, whatever happens to the run."""
 
 import shutil
-import subprocess
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -12,7 +11,7 @@ import meshio
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 from vtu_readers import VERTEX, ByMeshio, ByVTK, pieces
 
 from mpm_fenicsx import (
@@ -372,11 +371,11 @@ def rising(dim):
     return Simulation(grid, bodies, Newmark(1e-3), [Gravity(DOWN[dim])], solver=solver), numbers
 
 
-def record_all(folder):
+def record_all(folder, dims=(2, 3)):
     """What ranks do: runs of points and of finite elements, at the end of which the last rank
     cannot write; the points' numbers in the order of one rank."""
     folder, comm, numbers = Path(folder), MPI.COMM_WORLD, {}
-    for dim in (2, 3):
+    for dim in dims:
         points, numbers[dim] = rising(dim)
         for name, run in (("mpm", points), ("fe", fe(dim))):
             shots = run.record(Snapshots(folder / f"{name}{dim}", grid_stress=True, every=2))
@@ -413,21 +412,6 @@ def regular(grid):
     )
 
 
-def on_ranks(count, folder):
-    """Run this file on some ranks; each must see the error of the last."""
-    if mpiexec() is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
-    done = subprocess.run(
-        [mpiexec(), "-n", str(count), sys.executable, "-m", "mpi4py", __file__, str(folder)],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("refused") == count
-
-
 @pytest.fixture(scope="module")
 def alone(tmp_path_factory):
     """Folder of one rank, and the numbers that its points have on several."""
@@ -435,12 +419,12 @@ def alone(tmp_path_factory):
     return folder, record_all(folder)
 
 
-@pytest.fixture(scope="module", params=(2, 3))
-def written(request, tmp_path_factory):
-    """Folder of several ranks, and how many they are."""
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Folder of two ranks, which must both see the error of the second."""
     folder = tmp_path_factory.mktemp("written")
-    on_ranks(request.param, folder)
-    return folder, request.param
+    assert on_ranks(2, __file__, folder).count("refused") == 2
+    return folder
 
 
 def assert_close(found, expected, name):
@@ -450,11 +434,9 @@ def assert_close(found, expected, name):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * size, err_msg=name)
 
 
-@pytest.mark.parametrize("read", (ByVTK, ByMeshio))
-@pytest.mark.parametrize("dim", (2, 3))
-def test_pieces_of_ranks_are_the_file_of_one_rank_point_by_point(read, dim, alone, written):
-    """Bit for bit before the first step; points have crossed at the end."""
-    (one, numbers), (several, ranks) = alone, written
+def same_points(read, dim, one, numbers, several):
+    """The points of several ranks are those of one: bit for bit before the first step.  Returns how
+    many each rank had at first and at the end."""
     numbers, owners = np.concatenate(numbers[dim]), []
     for step in (0, 2, 4):
         name = f"mpm{dim}_points_{step:06d}"
@@ -462,8 +444,7 @@ def test_pieces_of_ranks_are_the_file_of_one_rank_point_by_point(read, dim, alon
         number = found.point_data.pop("number")
         assert number.dtype == np.int64 and found.types == {VERTEX}
         assert list(found.point_data) == list(expected.point_data)
-        body = found.point_data["body"]
-        row = np.lexsort((number, body))
+        row = np.lexsort((number, found.point_data["body"]))
         row_of_one = np.lexsort((numbers, expected.point_data["body"]))
         assert np.array_equal(number[row], numbers[row_of_one])
         assert sorted(found.cells.ravel()) == list(range(len(number)))
@@ -472,12 +453,25 @@ def test_pieces_of_ranks_are_the_file_of_one_rank_point_by_point(read, dim, alon
             assert_close(other[row], value[row_of_one], f"{name} {key}")
             if step == 0:
                 assert np.array_equal(other[row], value[row_of_one], equal_nan=True), key
-        owners.append(
-            {piece.stem[-4:]: len(meshio.read(piece).points) for piece in files(several, name)}
-        )
-    assert owners[0] != owners[-1]
-    if ranks == 2:  # a rank without points writes nothing
-        assert list(owners[0]) == ["0000"] and list(owners[-1]) == ["0000", "0001"]
+        parts = files(several, name)
+        owners.append({piece.stem[-4:]: len(meshio.read(piece).points) for piece in parts})
+    return owners[0], owners[-1]
+
+
+def same_cells(read, run, kind, one, several):
+    """The cells of several ranks are those of one, once each, with what is on them."""
+    for step in (0, 2, 4):
+        name = f"{run}_{kind}_{step:06d}"
+        expected, found = read(one / f"{name}.vtu"), read(several / f"{name}.pvtu")
+        assert found.types == expected.types and len(found.cells) == len(expected.cells)
+        (corners, order), (corners_of_one, order_of_one) = by_place(found), by_place(expected)
+        np.testing.assert_allclose(found.x[corners], expected.x[corners_of_one], atol=1e-15)
+        assert list(found.point_data) == list(expected.point_data)
+        assert list(found.cell_data) == list(expected.cell_data)
+        for key, value in expected.point_data.items():
+            assert_close(found.point_data[key][corners], value[corners_of_one], f"{name} {key}")
+        for key, value in expected.cell_data.items():
+            assert_close(found.cell_data[key][order], value[order_of_one], f"{name} {key}")
 
 
 def files(folder, name):
@@ -496,32 +490,27 @@ def by_place(mesh):
 
 
 @pytest.mark.parametrize("read", (ByVTK, ByMeshio))
+@pytest.mark.parametrize("dim", (2, 3))
+def test_pieces_of_ranks_are_the_file_of_one_rank_point_by_point(read, dim, alone, written):
+    """A rank without points writes nothing: at first all are on the first."""
+    first, last = same_points(read, dim, *alone, written)
+    assert list(first) == ["0000"] and list(last) == ["0000", "0001"]
+
+
+@pytest.mark.parametrize("read", (ByVTK, ByMeshio))
 @pytest.mark.parametrize("kind", ("grid", "stress"))
 @pytest.mark.parametrize("run", ("mpm2", "mpm3", "fe2", "fe3"))
 def test_pieces_of_ranks_are_the_grid_of_one_rank_cell_by_cell(read, run, kind, alone, written):
-    (one, _), (several, ranks) = alone, written
-    for step in (0, 2, 4):
-        name = f"{run}_{kind}_{step:06d}"
-        expected, found = read(one / f"{name}.vtu"), read(several / f"{name}.pvtu")
-        if kind == "grid":
-            assert len(files(several, name)) == ranks
-        assert found.types == expected.types and len(found.cells) == len(expected.cells)
-        (corners, order), (corners_of_one, order_of_one) = by_place(found), by_place(expected)
-        np.testing.assert_allclose(found.x[corners], expected.x[corners_of_one], atol=1e-15)
-        assert list(found.point_data) == list(expected.point_data)
-        assert list(found.cell_data) == list(expected.cell_data)
-        for key, value in expected.point_data.items():
-            assert_close(found.point_data[key][corners], value[corners_of_one], f"{name} {key}")
-        for key, value in expected.cell_data.items():
-            assert_close(found.cell_data[key][order], value[order_of_one], f"{name} {key}")
+    same_cells(read, run, kind, alone[0], written)
+    for step in (0, 2, 4) if kind == "grid" else ():
+        assert len(files(written, f"{run}_grid_{step:06d}")) == 2
 
 
 def test_a_rank_that_cannot_write_costs_all_a_frame_and_one_rank_goes_on_with_the_series(
     written, tmp_path
 ):
     """After a failure of the last rank at step 1; the state that the last rank keeps serves."""
-    several, _ = written
-    path = shutil.copytree(several, tmp_path / "copied") / "fails"
+    path = shutil.copytree(written, tmp_path / "copied") / "fails"
     listed = {"points": (0, 1, 2), "grid": (0, 2)}  # the last rank has no point to write at first
 
     def frames(kind, last=()):
@@ -539,7 +528,7 @@ def test_a_rank_that_cannot_write_costs_all_a_frame_and_one_rank_goes_on_with_th
     )
     run, _ = rising(2)
     shots = run.record(Snapshots(path, every=3))
-    with np.load(several / "state.npz") as state:
+    with np.load(path.parent / "state.npz") as state:
         shots.restore(state)
     run.until(3e-3)
     for kind in listed:
