@@ -17,7 +17,6 @@ from vtu_readers import ByMeshio, ByVTK
 
 STAYING = (
     "two cells",
-    "one cell in 3D",
     "twin, one cell, von Mises",
     "Hencky in statics, empty",
     "moving 2D GhostPenalty",
