@@ -15,6 +15,12 @@ JOBS ?= 2
 export OMP_NUM_THREADS := 1
 # Open MPI (Debian's) refuses more processes than cores, and to run as root, unless told.
 export OMPI_MCA_rmaps_base_oversubscribe := 1
+# Ranks wait in a loop and keep their cores busy.  Where there are more of them than free cores, they
+# sleep for a moment (MPICH), or let others go first and take any core (Open MPI, which binds runs
+# that are beside one another to the same cores): about half the time.
+export MPIR_CVAR_ENABLE_HEAVY_YIELD := 1
+export OMPI_MCA_mpi_yield_when_idle := 1
+export OMPI_MCA_hwloc_base_binding_policy := none
 ifeq ($(shell id -u),0)
 export OMPI_ALLOW_RUN_AS_ROOT := 1
 export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
@@ -69,7 +75,8 @@ test-apt: ## run the tests on Debian's DOLFINx, with /usr/bin/python3
 	@$(MAKE) test DOLFINX=apt
 
 validate: $(READY) ## run the long cases with exact or published answers (20 minutes)
-	@$(PY) -m pytest -m validation tests/validation -n $(JOBS) --dist loadfile $(or $(ARGS),--afresh)
+	@$(PY) -m pytest -m validation tests/validation tests/test_ranks.py tests/test_migration.py \
+		-n $(JOBS) --dist loadfile $(or $(ARGS),--afresh)
 
 speed: $(READY) ## draw error against seconds (20 minutes; ARGS=--quick: two)
 	@$(PY) studies/speed_against_error.py $(ARGS)

@@ -218,7 +218,8 @@ def by_hand(folder: Path) -> dict:
         run.record(mpm.Snapshots(shots, every=4))
         for _ in range(6):
             run.step()
-        assert shots.with_name(f"{shots.name}_points_000004.vtu").exists()
+        suffix = "vtu" if grid.comm.size == 1 else "pvtu"
+        assert shots.with_name(f"{shots.name}_points_000004.{suffix}").exists()
         rows = np.hstack((faces.x, faces.displacement, faces.area[:, None]))
         number = np.arange(len(faces)) if faces.number is None else faces.number
         found[f"faces {len(lines)}"] = {

@@ -10,8 +10,9 @@ from __future__ import annotations
 import json
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 from mpi4py import MPI
@@ -471,11 +472,10 @@ def options(comm: MPI.Comm) -> dict:
     return {**found, "factor": {"": [float(factor.getMumpsIcntl(14) == 77)]}}
 
 
-def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
-    """All of it, on rank 0; cases by name, each a dict of quantity -> key -> numbers."""
-    cases = {"refusals": refusals(comm), "options": options(comm)}
-    folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
+def cases(folder: Path, comm: MPI.Comm = MPI.COMM_WORLD) -> dict[str, Callable[[], dict]]:
+    """What to compute, by name."""
     dynamic, static, long = mpm.Newmark(1e-3), mpm.QuasiStatic(2), (7, 1)
+    found = {"refusals": lambda: refusals(comm), "options": lambda: options(comm)}
     for name, case in {
         "Hencky, empty": (long, FINITE, dynamic, mpm.DM_GC, 1.9),
         "Hencky at points, empty": (long, FINITE, dynamic, mpm.GIMP, 1.9),
@@ -487,31 +487,43 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
         "two cells in statics": ((2, 1), FINITE, static, mpm.DM_GC, 1.4),
         "one cell in 3D": ((1, 1, 1), SOIL, dynamic, mpm.DM_GCL, 0.6),
     }.items():
-        cases[name] = lacking(*case, folder)
+        found[name] = partial(lacking, *case, folder)
     for name, material in (
         ("one cell", SOIL),
         ("one cell, Hencky", FINITE),
         ("one cell, von Mises", CLAY),
     ):
-        cases[f"twin, {name}"] = twin(
+        found[f"twin, {name}"] = lambda material=material: twin(
             2, dynamic, grid=mpm.Grid.box((0, 0), (1, 1), (1, 1)), material=material
         )
     for dim in (2, 3):
         for mapping in (mpm.MPM, mpm.GIMP, mpm.DM_GC):
-            cases[f"still {dim}D {mapping}"] = still(dim, mapping)
-            cases[f"moving {dim}D {mapping}"] = moving(dim, mapping)
-        cases[f"two bodies {dim}D DM-GCL"] = of_two_bodies(dim, mpm.DM_GCL)
-        cases[f"jitter {dim}D"] = jittered(dim)
-        cases[f"surfaces by hand {dim}D"] = surfaces_by_hand(dim)
-        cases[f"moving {dim}D B-bar"] = moving(dim, replace(mpm.DM_GC, b_bar=True))
-        cases[f"moving {dim}D GhostPenalty"] = moving(dim, mpm.DM_GC, more=(mpm.GhostPenalty(),))
-        cases[f"settled {dim}D"] = settled(dim, mpm.DM_GC)
-        cases[f"static twin {dim}D B-bar"] = twin(dim, mpm.QuasiStatic(3), b_bar=True)
-        cases[f"layers {dim}D"] = layers(dim, finite=dim == 2)
-        cases[f"twin {dim}D"] = twin(dim, mpm.Newmark(1e-3))
-        cases[f"static twin {dim}D"] = twin(dim, mpm.QuasiStatic(3))
+            found[f"still {dim}D {mapping}"] = partial(still, dim, mapping)
+            found[f"moving {dim}D {mapping}"] = partial(moving, dim, mapping)
+        b_bar, ghosts = replace(mpm.DM_GC, b_bar=True), (mpm.GhostPenalty(),)
+        found |= {
+            f"two bodies {dim}D DM-GCL": partial(of_two_bodies, dim, mpm.DM_GCL),
+            f"jitter {dim}D": partial(jittered, dim),
+            f"surfaces by hand {dim}D": partial(surfaces_by_hand, dim),
+            f"moving {dim}D B-bar": partial(moving, dim, b_bar),
+            f"moving {dim}D GhostPenalty": partial(moving, dim, mpm.DM_GC, more=ghosts),
+            f"settled {dim}D": partial(settled, dim, mpm.DM_GC),
+            f"static twin {dim}D B-bar": partial(twin, dim, mpm.QuasiStatic(3), b_bar=True),
+            f"layers {dim}D": partial(layers, dim, finite=dim == 2),
+            f"twin {dim}D": partial(twin, dim, mpm.Newmark(1e-3)),
+            f"static twin {dim}D": partial(twin, dim, mpm.QuasiStatic(3)),
+        }
+    return found
+
+
+def everything(names: Sequence[str] = (), comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
+    """All of it, or what is named, on rank 0; cases by name, each a dict of quantity -> key ->
+    numbers."""
+    folder = Path(comm.bcast(tempfile.mkdtemp() if comm.rank == 0 else None))
+    known = cases(folder, comm)
+    found = {name: known[name]() for name in names or known}
     whole: dict = {}
-    for part in comm.gather(cases) or []:
+    for part in comm.gather(found) or []:
         for case, quantities in part.items():
             for quantity, rows in quantities.items():
                 whole.setdefault(case, {}).setdefault(quantity, {}).update(rows)
@@ -519,7 +531,7 @@ def everything(comm: MPI.Comm = MPI.COMM_WORLD) -> dict:
 
 
 if __name__ == "__main__":
-    found = everything()
+    found = everything(sys.argv[2:])
     if MPI.COMM_WORLD.rank == 0:
         with open(sys.argv[1], "w") as file:
             json.dump(found, file)

@@ -15,7 +15,8 @@ from pathlib import Path
 import dense
 import numpy as np
 import pytest
-from test_ranks import environment, mpiexec
+import test_ranks
+from test_ranks import environment
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.runs.identity import described
@@ -593,22 +594,7 @@ def on_ranks(folder):
 
 
 def test_two_ranks_go_on_bit_for_bit_and_one_cannot_read_theirs(tmp_path):
-    if mpiexec() is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
-    command = [
-        mpiexec(),
-        "-n",
-        "2",
-        sys.executable,
-        "-m",
-        "mpi4py",
-        __file__,
-        str(tmp_path),
-        "ranks",
-    ]
-    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stdout + done.stderr[-4000:]
-    assert done.stdout.count("refused") == 4
+    assert test_ranks.on_ranks(2, __file__, tmp_path, "ranks").count("refused") == 4
     with pytest.raises(ValueError, match="it is of a run on 2 ranks, and here are 1"):
         elements(SOFT).restart(tmp_path / "FE ranks.npz")
 

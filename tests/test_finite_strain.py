@@ -3,8 +3,6 @@ elements."""
 
 import json
 import math
-import subprocess
-import sys
 from dataclasses import replace
 
 import dense
@@ -15,7 +13,7 @@ import pytest
 import stretched
 from plastic import EXACT
 from stretched import LAW, SOIL
-from test_ranks import difference, environment, mpiexec
+from test_ranks import difference, on_ranks
 
 import mpm_fenicsx as mpm
 
@@ -334,18 +332,8 @@ def test_small_strain_has_nothing_of_it():
 
 
 def test_two_ranks_strain_like_one(tmp_path):
-    program = mpiexec()
-    if program is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
     out = tmp_path / "out.json"
-    done = subprocess.run(
-        [program, "-n", "2", sys.executable, stretched.__file__, str(out)],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    on_ranks(2, stretched.__file__, out)
     several, serial = json.loads(out.read_text()), stretched.everything()
     for case, quantities in serial.items():
         for quantity, expected in quantities.items():

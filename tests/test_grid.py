@@ -1,8 +1,6 @@
 """The background grid: lattice against brute force, points found, files read, facets named, input
 refused."""
 
-import subprocess
-import sys
 from itertools import pairwise, product
 
 import meshio
@@ -11,7 +9,7 @@ import pytest
 from dolfinx import fem
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 
 from mpm_fenicsx import Grid
 from mpm_fenicsx.grid import dolfinx_versions, partition
@@ -351,16 +349,7 @@ print("fine")
 
 
 def test_two_ranks_share_the_cells():
-    if mpiexec() is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
-    done = subprocess.run(
-        [mpiexec(), "-n", "2", sys.executable, "-c", PROGRAM],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0 and done.stdout.count("fine") == 2, done.stdout + done.stderr
+    assert on_ranks(2, "-c", PROGRAM).count("fine") == 2
 
 
 def test_a_grid_says_how_many_cells_it_has_and_where_it_lies():

@@ -1,13 +1,11 @@
 """Points, and faces of surfaces, cross from rank to rank, and compute what one rank computes."""
 
 import json
-import subprocess
-import sys
 
 import migrating
 import numpy as np
 import pytest
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 
 TOLERANCE = 1e-9
 """Of the largest value of a field; the solver stops at 1e-13, Newton's method at 1e-12."""
@@ -15,16 +13,9 @@ FEW = tuple(migrating.few(None))
 LONG = tuple(migrating.long(None))
 
 
-def on_ranks(ranks: int, which: str, out, *names: str, timeout: float = 900) -> dict:
-    program = mpiexec()
-    if program is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
-    python = [sys.executable, "-m", "mpi4py", migrating.__file__]
-    command = [program, "-n", str(ranks), *python, str(out), which, *names]
-    done = subprocess.run(
-        command, env=environment(), capture_output=True, text=True, timeout=timeout
-    )
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+def several_of(ranks: int, out, which: str, *names: str) -> dict:
+    """What so many ranks find."""
+    on_ranks(ranks, migrating.__file__, out, which, *names)
     return json.loads(out.read_text())
 
 
@@ -43,9 +34,9 @@ def serial() -> dict:
     return migrating.everything()
 
 
-@pytest.fixture(scope="module", params=[2, 3])
+@pytest.fixture(scope="module", params=[2, pytest.param(3, marks=pytest.mark.validation)])
 def several(request, tmp_path_factory) -> dict:
-    return on_ranks(request.param, "few", tmp_path_factory.mktemp("ranks") / "out.json")
+    return several_of(request.param, tmp_path_factory.mktemp("ranks") / "out.json", "few")
 
 
 @pytest.mark.parametrize("case", FEW)
@@ -65,5 +56,5 @@ def test_one_rank_has_no_numbers_and_sends_nothing():
 @pytest.mark.parametrize("case", LONG)
 def test_the_papers_scenes_and_a_collapse_are_those_of_one_rank(case, ranks, tmp_path):
     serial = migrating.everything("long", (case,))
-    several = on_ranks(ranks, "long", tmp_path / "out.json", case)
+    several = several_of(ranks, tmp_path / "out.json", "long", case)
     compare(several[case], serial[case])

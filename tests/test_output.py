@@ -1,6 +1,6 @@
 """Files for ParaView: what is read back is what the run holds, whatever happens to the run."""
 
-import subprocess
+import shutil
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -11,7 +11,8 @@ import meshio
 import numpy as np
 import pytest
 from dolfinx import mesh as dmesh
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
+from vtu_readers import VERTEX, ByMeshio, ByVTK, pieces
 
 from mpm_fenicsx import (
     FiniteElements,
@@ -21,14 +22,19 @@ from mpm_fenicsx import (
     LinearElastic,
     MaterialPoints,
     Newmark,
+    Newton,
     QuasiStatic,
     RunError,
     Simulation,
+    Solver,
     Traction,
+    VonMises,
 )
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.output import vtk
 from mpm_fenicsx.output.vtk import Snapshots
+from mpm_fenicsx.output.vtu_file import write
+from mpm_fenicsx.points.location import numbers_of
 
 SOIL = LinearElastic(20e6, 0.25, 1500.0)
 CELL = {2: "quad", 3: "hexahedron"}
@@ -74,7 +80,7 @@ def collection(path):
     sets = root.findall("Collection/DataSet")
     files = [path.parent / entry.get("file") for entry in sets]
     for file in files:
-        meshio.read(file)
+        ByMeshio(file)
     return [float(entry.get("timestep")) for entry in sets], [file.name for file in files]
 
 
@@ -347,22 +353,51 @@ def test_snapshots_serve_one_run(tmp_path):
         mpm().record(shots)
 
 
-def record_both(folder):
-    """What the ranks do: a material point run and a finite element run, the last step unable to
-    write."""
-    for dim in (2, 3):
-        for name, make in (("mpm", mpm), ("fe", fe)):
-            grid = box(dim)
-            run = make(dim, grid=grid) if name == "fe" else regular(grid)
-            run.record(Snapshots(Path(folder) / f"{name}{dim}"))
-            run.until(2e-3)
-    if MPI.COMM_WORLD.rank == 0:
+def rising(dim):
+    """Two bodies that leave the lower half, all cells of the first rank, with what users give
+    them; and the points' numbers."""
+    grid = box(dim)
+    bodies = [
+        MaterialPoints.fill(grid, law, 2**dim, lambda x, a=a: (x[1] < 1.0) & (abs(x[0] - a) < 0.25))
+        for law, a in ((SOIL, 0.25), (VonMises(SOIL, 2e3, 1e3, 1e4), 0.75))
+    ]
+    for body in bodies:
+        body.velocity = np.zeros_like(body.x)
+        body.velocity[:, 1] = 150.0 + 2.0 * body.x[:, 0] - 3.0 * body.x[:, 1]
+        body.right = body.x[:, 0] > 0.4
+    bodies[0].start = bodies[0].x.copy()
+    numbers = [numbers_of(grid, body.x, grid.find(body.x)) for body in bodies]
+    solver = Solver(newton=Newton(tolerance=1e-12), petsc={"ksp_rtol": 1e-13})
+    return Simulation(grid, bodies, Newmark(1e-3), [Gravity(DOWN[dim])], solver=solver), numbers
+
+
+def record_all(folder, dims=(2, 3)):
+    """What ranks do: runs of points and of finite elements, at the end of which the last rank
+    cannot write; the points' numbers in the order of one rank."""
+    folder, comm, numbers = Path(folder), MPI.COMM_WORLD, {}
+    for dim in dims:
+        points, numbers[dim] = rising(dim)
+        for name, run in (("mpm", points), ("fe", fe(dim))):
+            shots = run.record(Snapshots(folder / f"{name}{dim}", grid_stress=True, every=2))
+            run.until(4e-3)
+    states = comm.gather({name: value.tobytes() for name, value in shots.state().items()})
+    assert states is None or all(state == states[0] for state in states)
+    run, _ = rising(2)
+    shots = run.record(Snapshots(folder / "fails"))
+    if comm.rank == comm.size - 1:
         vtk.write = no_space
     try:
         run.step()
     except OSError as error:
-        assert error.errno == 28 and "step 3" in str(error)
+        assert error.errno == 28 and "step 1" in str(error)
+        assert error.filename == str(folder / "fails")
         print("refused", flush=True)
+    finally:
+        vtk.write = write
+    run.step()
+    if comm.rank == comm.size - 1:
+        np.savez(folder / "state.npz", **shots.state())
+    return numbers
 
 
 def no_space(*_, **__):
@@ -377,57 +412,128 @@ def regular(grid):
     )
 
 
-def on_ranks(count, folder):
-    """Run this file on some ranks; each must see the error of the first."""
-    if mpiexec() is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
-    done = subprocess.run(
-        [mpiexec(), "-n", str(count), sys.executable, __file__, str(folder)],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=600,
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    """Folder of one rank, and the numbers that its points have on several."""
+    folder = tmp_path_factory.mktemp("alone")
+    return folder, record_all(folder)
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """Folder of two ranks, which must both see the error of the second."""
+    folder = tmp_path_factory.mktemp("written")
+    assert on_ranks(2, __file__, folder).count("refused") == 2
+    return folder
+
+
+def assert_close(found, expected, name):
+    """To 1e-9 of the largest value; types, too."""
+    assert found.dtype.newbyteorder("=") == expected.dtype.newbyteorder("="), name
+    size = np.nanmax(np.abs(expected.astype(float)), initial=0.0)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-9 * size, err_msg=name)
+
+
+def same_points(read, dim, one, numbers, several):
+    """The points of several ranks are those of one: bit for bit before the first step.  Returns how
+    many each rank had at first and at the end."""
+    numbers, owners = np.concatenate(numbers[dim]), []
+    for step in (0, 2, 4):
+        name = f"mpm{dim}_points_{step:06d}"
+        expected, found = read(one / f"{name}.vtu"), read(several / f"{name}.pvtu")
+        number = found.point_data.pop("number")
+        assert number.dtype == np.int64 and found.types == {VERTEX}
+        assert list(found.point_data) == list(expected.point_data)
+        row = np.lexsort((number, found.point_data["body"]))
+        row_of_one = np.lexsort((numbers, expected.point_data["body"]))
+        assert np.array_equal(number[row], numbers[row_of_one])
+        assert sorted(found.cells.ravel()) == list(range(len(number)))
+        for key, value in {"x": expected.x, **expected.point_data}.items():
+            other = {"x": found.x, **found.point_data}[key]
+            assert_close(other[row], value[row_of_one], f"{name} {key}")
+            if step == 0:
+                assert np.array_equal(other[row], value[row_of_one], equal_nan=True), key
+        parts = files(several, name)
+        owners.append({piece.stem[-4:]: len(meshio.read(piece).points) for piece in parts})
+    return owners[0], owners[-1]
+
+
+def same_cells(read, run, kind, one, several):
+    """The cells of several ranks are those of one, once each, with what is on them."""
+    for step in (0, 2, 4):
+        name = f"{run}_{kind}_{step:06d}"
+        expected, found = read(one / f"{name}.vtu"), read(several / f"{name}.pvtu")
+        assert found.types == expected.types and len(found.cells) == len(expected.cells)
+        (corners, order), (corners_of_one, order_of_one) = by_place(found), by_place(expected)
+        np.testing.assert_allclose(found.x[corners], expected.x[corners_of_one], atol=1e-15)
+        assert list(found.point_data) == list(expected.point_data)
+        assert list(found.cell_data) == list(expected.cell_data)
+        for key, value in expected.point_data.items():
+            assert_close(found.point_data[key][corners], value[corners_of_one], f"{name} {key}")
+        for key, value in expected.cell_data.items():
+            assert_close(found.cell_data[key][order], value[order_of_one], f"{name} {key}")
+
+
+def files(folder, name):
+    """The pieces of a file, which are all that there is of it."""
+    found = pieces(folder / f"{name}.pvtu")
+    assert sorted(found) == sorted((folder / name[:-7]).glob(f"{name}_*"))
+    return found
+
+
+def by_place(mesh):
+    """Corners (cells, 2^dim) of the cells in an order that their places say, and which they are."""
+    order = np.lexsort(mesh.x[mesh.cells].mean(axis=1).round(9).T)
+    cells = mesh.cells[order]
+    ring = [np.lexsort(mesh.x[corners].round(9).T) for corners in cells]
+    return np.take_along_axis(cells, np.array(ring), axis=1), order
+
+
+@pytest.mark.parametrize("read", (ByVTK, ByMeshio))
+@pytest.mark.parametrize("dim", (2, 3))
+def test_pieces_of_ranks_are_the_file_of_one_rank_point_by_point(read, dim, alone, written):
+    """A rank without points writes nothing: at first all are on the first."""
+    first, last = same_points(read, dim, *alone, written)
+    assert list(first) == ["0000"] and list(last) == ["0000", "0001"]
+
+
+@pytest.mark.parametrize("read", (ByVTK, ByMeshio))
+@pytest.mark.parametrize("kind", ("grid", "stress"))
+@pytest.mark.parametrize("run", ("mpm2", "mpm3", "fe2", "fe3"))
+def test_pieces_of_ranks_are_the_grid_of_one_rank_cell_by_cell(read, run, kind, alone, written):
+    same_cells(read, run, kind, alone[0], written)
+    for step in (0, 2, 4) if kind == "grid" else ():
+        assert len(files(written, f"{run}_grid_{step:06d}")) == 2
+
+
+def test_a_rank_that_cannot_write_costs_all_a_frame_and_one_rank_goes_on_with_the_series(
+    written, tmp_path
+):
+    """After a failure of the last rank at step 1; the state that the last rank keeps serves."""
+    path = shutil.copytree(written, tmp_path / "copied") / "fails"
+    listed = {"points": (0, 1, 2), "grid": (0, 2)}  # the last rank has no point to write at first
+
+    def frames(kind, last=()):
+        steps = listed[kind]
+        names = [f"fails_{kind}_{step:06d}.pvtu" for step in steps]
+        return [1e-3 * step for step in (*steps, *last)], [
+            *names,
+            *(f"fails_{kind}_000003.vtu" for _ in last),
+        ]
+
+    for kind in listed:
+        assert series(path, kind) == frames(kind)
+    assert not list(path.parent.glob("fails_grid_000001*")) and not list(
+        path.parent.rglob("*.part")
     )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("refused") == count
-
-
-def in_order(mesh):
-    """Points, sorted by place, with their data; cells as sorted centres with their data."""
-    order = np.lexsort(np.round(mesh.points, 9).T)
-    centre = mesh.points[mesh.cells[0].data].mean(axis=1)
-    cells = np.lexsort(np.round(centre, 9).T)
-    return (
-        {"x": mesh.points[order], "centre": centre[cells]}
-        | {name: value[order] for name, value in mesh.point_data.items()}
-        | {name: value[0][cells] for name, value in mesh.cell_data.items()}
-    )
-
-
-def test_two_ranks_write_what_one_writes(tmp_path):
-    """The same points, nodes and cells, once each; values to 1e-9 of their largest, the solver
-    stopping at 1e-11."""
-    on_ranks(1, tmp_path / "one")
-    on_ranks(2, tmp_path / "two")
-    names = sorted(p.name for p in (tmp_path / "one").iterdir())
-    assert names == sorted(p.name for p in (tmp_path / "two").iterdir()) and len(names) == 24
-    for name in names:
-        one, two = (tmp_path / folder / name for folder in ("one", "two"))
-        if name.endswith(".pvd"):
-            assert one.read_text() == two.read_text()
-            continue
-        one, two = in_order(meshio.read(one)), in_order(meshio.read(two))
-        two.pop("number", None)  # which point a row is: on one rank rows stay
-        assert set(one) == set(two)
-        for key, value in one.items():
-            np.testing.assert_allclose(
-                two[key],
-                value,
-                rtol=0,
-                atol=1e-9 * max(np.abs(value).max(), 1e-300),
-                err_msg=f"{name} {key}",
-            )
+    run, _ = rising(2)
+    shots = run.record(Snapshots(path, every=3))
+    with np.load(path.parent / "state.npz") as state:
+        shots.restore(state)
+    run.until(3e-3)
+    for kind in listed:
+        assert series(path, kind) == frames(kind, last=(3,))
 
 
 if __name__ == "__main__":
-    record_both(sys.argv[1])
+    record_all(sys.argv[1])

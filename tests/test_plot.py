@@ -10,7 +10,7 @@ import matplotlib
 import numpy as np
 import pytest
 from test_output import SOIL, box, fe, mpm, regular
-from test_ranks import environment, mpiexec
+from test_ranks import environment, on_ranks
 
 import mpm_fenicsx
 from mpm_fenicsx import MaterialPoints, VonMises, plot
@@ -290,17 +290,7 @@ def draw_on_ranks(folder):
 
 
 def test_two_ranks_draw_one_picture(tmp_path):
-    if mpiexec() is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
-    done = subprocess.run(
-        [mpiexec(), "-n", "2", sys.executable, __file__, str(tmp_path)],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("refused") == 2 and (tmp_path / "all.png").exists()
+    assert on_ranks(2, __file__, tmp_path).count("refused") == 2 and (tmp_path / "all.png").exists()
 
 
 if __name__ == "__main__":

@@ -1,13 +1,11 @@
 """Loads, dashpots and supports that reach no material are refused; of those that reach it in part
 is told how much."""
 
-import subprocess
-import sys
 import warnings
 
 import dense
 import pytest
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.mapping.shape_functions import Stencil
@@ -195,17 +193,7 @@ print("fine")
 
 
 def test_two_ranks_decide_together():
-    if mpiexec() is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
-    done = subprocess.run(
-        [mpiexec(), "-n", "2", sys.executable, "-c", PROGRAM],
-        cwd=__file__.rpartition("/")[0],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0 and done.stdout.count("fine") == 2, done.stdout + done.stderr
+    assert on_ranks(2, "-c", PROGRAM, cwd=__file__.rpartition("/")[0]).count("fine") == 2
 
 
 # -- cells that are full ---------------------------------------------------------------------------

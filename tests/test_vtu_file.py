@@ -5,52 +5,13 @@ import meshio
 import numpy as np
 import pytest
 from test_output import fe, mpm
+from vtu_readers import ByMeshio, ByVTK
 
 from mpm_fenicsx.common import tensors
 from mpm_fenicsx.output.vtk import Snapshots
 from mpm_fenicsx.output.vtu_file import HEXAHEDRON, QUAD, VERTEX, write
 
 CORNERS = {VERTEX: 1, QUAD: 4, HEXAHEDRON: 8}
-
-
-class ByVTK:
-    """A file as VTK's own reader gives it; a warning or error of VTK fails the test."""
-
-    def __init__(self, path):
-        vtk = pytest.importorskip("vtkmodules.vtkIOXML", reason="VTK is not installed")
-        from vtkmodules.util.numpy_support import vtk_to_numpy
-
-        errors = []
-        reader = vtk.vtkXMLUnstructuredGridReader()
-        for event in ("ErrorEvent", "WarningEvent"):
-            reader.AddObserver(event, lambda _, name: errors.append(name))
-        reader.SetFileName(str(path))
-        reader.Update()
-        grid = reader.GetOutput()
-        assert not errors and grid.GetNumberOfPoints()
-
-        def fields(data):
-            arrays = [data.GetArray(k) for k in range(data.GetNumberOfArrays())]
-            return {array.GetName(): vtk_to_numpy(array) for array in arrays}
-
-        self.x = vtk_to_numpy(grid.GetPoints().GetData())
-        self.types = {grid.GetCellType(k) for k in range(grid.GetNumberOfCells())}
-        connectivity = vtk_to_numpy(grid.GetCells().GetConnectivityArray())
-        self.cells = connectivity.reshape(grid.GetNumberOfCells(), -1)
-        self.point_data, self.cell_data = fields(grid.GetPointData()), fields(grid.GetCellData())
-
-
-class ByMeshio:
-    """A file as meshio gives it."""
-
-    def __init__(self, path):
-        mesh = meshio.read(path)
-        (block,) = mesh.cells
-        self.x, self.cells, self.point_data = mesh.points, block.data, mesh.point_data or {}
-        self.types = {{"vertex": VERTEX, "quad": QUAD, "hexahedron": HEXAHEDRON}[block.type]}
-        self.cell_data = {name: values[0] for name, values in mesh.cell_data.items()}
-
-
 READERS = pytest.mark.parametrize("read", (ByVTK, ByMeshio))
 
 

@@ -2,8 +2,6 @@
 finite elements."""
 
 import json
-import subprocess
-import sys
 
 import dense
 import inside
@@ -11,7 +9,7 @@ import numpy as np
 import plastic
 import pytest
 from plastic import ELASTIC, EXACT, LAW, STIFFLY
-from test_ranks import difference, environment, mpiexec
+from test_ranks import difference, on_ranks
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.common import tensors
@@ -399,13 +397,8 @@ def test_two_bodies_of_one_law_are_one_and_an_elastic_one_has_no_history(mapping
 
 
 def test_two_ranks_yield_like_one(tmp_path):
-    program = mpiexec()
-    if program is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
     out = tmp_path / "out.json"
-    command = [program, "-n", "2", sys.executable, "-m", "mpi4py", plastic.__file__, str(out)]
-    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=900)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    on_ranks(2, plastic.__file__, out)
     several, serial = json.loads(out.read_text()), plastic.everything()
     for kind, dim in plastic.SEVERAL:
         case = f"{kind or 'FE'} {dim}D"

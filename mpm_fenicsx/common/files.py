@@ -35,8 +35,8 @@ def complete(file: Path) -> Iterator[Path]:
 
 @contextmanager
 def failing_together(comm, what: str, path: Path) -> Iterator[None]:
-    """Make what goes wrong on a rank an ``OSError`` of every rank, which says ``what`` failed and
-    ``path``."""
+    """Make what goes wrong on any rank an ``OSError`` of every rank, which says ``what`` failed and
+    ``path``.  Nothing inside may be collective."""
     failure = cause = None
     try:
         yield

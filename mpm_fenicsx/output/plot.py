@@ -15,7 +15,7 @@ from ..common.checks import finite, in_short, one_of
 from ..common.files import failing_together, named
 from ..common.ranks import together
 from ..grid.stress_field import StressField
-from .fields import whole_cloud, whole_fields, whole_grid, whole_stress
+from .fields import grid_frame, grid_piece, points_piece, stress_piece, whole
 from .recorders import ON_THE_GRID
 
 QUANTITIES = {
@@ -133,10 +133,10 @@ def _of_run(run, field: str, comm: MPI.Comm) -> View | None:
 
 def _of_points(bodies: Sequence, comm: MPI.Comm) -> View | None:
     """Support domains, on the first rank."""
-    cloud = whole_cloud(bodies, comm)
-    if cloud is None:
+    found = whole(points_piece(bodies, comm), comm)
+    if found is None:
         return None
-    x, fields = cloud
+    x, fields = found.x, found.point_data
     ends = np.stack((x - fields["half"], x + fields["half"]), axis=1)
     dim = x.shape[1]
     return View(dim, ends if dim == 3 else _rectangles(ends), fields)
@@ -144,9 +144,10 @@ def _of_points(bodies: Sequence, comm: MPI.Comm) -> View | None:
 
 def _of_cells(run, comm: MPI.Comm) -> View | None:
     """Cells of the mesh, on the first rank."""
-    (x, cells), (nodal, cellwise) = whole_grid(run.grid), whole_fields(run)
-    if comm.rank != 0:
+    found = whole(grid_piece(run, grid_frame(run.grid)), comm)
+    if found is None:
         return None
+    x, cells, nodal, cellwise = found
     fields = {name: value[cells].mean(axis=1) for name, value in nodal.items()} | cellwise
     if "stress" in fields:
         fields |= _measures(fields["stress"])
@@ -155,10 +156,10 @@ def _of_cells(run, comm: MPI.Comm) -> View | None:
 
 def _of_stress(field: StressField, comm: MPI.Comm) -> View | None:
     """Cells that hold material with the stress at their centres, on the first rank."""
-    found = whole_stress(field)
-    if comm.rank != 0:
+    found = whole(stress_piece(field), comm)
+    if found is None:
         return None
-    x, cells, known = found
+    x, cells, known, _ = found
     stress = known["stress"][cells].mean(axis=1)
     return _cellwise(x[cells], {"stress": stress, **_measures(stress)})
 

@@ -12,9 +12,10 @@ import numpy as np
 from ..common import tensors
 from ..common.checks import whole
 from ..common.files import complete, failing_together, named
-from .fields import whole_cloud, whole_fields, whole_grid, whole_stress
-from .vtu_file import HEXAHEDRON, QUAD, VERTEX, write
+from .fields import Frame, Piece, grid_frame, grid_piece, points_piece, stress_piece
+from .vtu_file import HEXAHEDRON, QUAD, VERTEX, write, write_index
 
+FAILED = "snapshot not written"
 _CELL = {2: QUAD, 3: HEXAHEDRON}
 
 
@@ -35,9 +36,12 @@ class Snapshots:
 
     Stress is (xx, yy, zz, xy, yz, xz) as ParaView labels it; yz and xz are zero in plane strain, as
     are z and the third component of vectors.  Numbers are written as the run has them, to the last
-    bit and not compressed: 165 bytes a point of an elastic body in dynamics.  Several ranks write
-    one file, without ghosts.  Each file replaces its forerunner only when complete, so a run that
-    dies leaves a series that opens.
+    bit and not compressed: 165 bytes a point of an elastic body in dynamics.  On several ranks each
+    writes a piece of its own, ``<path>_points/<path>_points_000020_p0001.vtu`` on rank 1 and none
+    where it has nothing, points and cells once each; the collection names files
+    ``<path>_points_000020.pvtu``, …, which name the pieces.  Each file replaces its forerunner only
+    when complete, and is named only when it is there, so a run that dies leaves a series that
+    opens.
 
     Raises ``ValueError`` for a ``path`` without name, ``every`` < 1, a ``grid_stress`` that is no
     bool or a second run; ``OSError``
@@ -61,8 +65,8 @@ class Snapshots:
         self._series = {
             kind: _Series(self.path.with_name(f"{self.path.name}_{kind}")) for kind in self.kinds
         }
-        frame = whole_grid(run.grid)
-        with failing_together(run.grid.comm, "snapshot not written", self.path):
+        frame = grid_frame(run.grid)
+        with failing_together(run.grid.comm, FAILED, self.path):
             if run.grid.comm.rank == 0:
                 self.path.parent.mkdir(parents=True, exist_ok=True)
         self._write(run, frame)
@@ -73,22 +77,16 @@ class Snapshots:
         if run.steps % self.every == 0:
             self._write(run, self._frame)
 
-    def _write(self, run, frame: tuple) -> None:
-        comm = run.grid.comm
-        cloud = whole_cloud(run.bodies, comm) if run.bodies else None
-        fields = whole_fields(run)
-        stress = whole_stress(run.stress_field()) if "stress" in self._series else None
-        with failing_together(comm, "snapshot not written", self.path):
-            if comm.rank == 0:
-                dim = run.grid.dim
-                if cloud:
-                    x, values = cloud
-                    vertices = np.arange(len(x), dtype=np.int32)[:, None]
-                    self._series["points"].add(run, x, vertices, VERTEX, values, {})
-                self._series["grid"].add(run, *frame, _CELL[dim], *fields)
-                if stress:
-                    x, cells, values = stress
-                    self._series["stress"].add(run, x, cells, _CELL[dim], values, {})
+    def _write(self, run, frame: Frame) -> None:
+        comm, cell = run.grid.comm, _CELL[run.grid.dim]
+        pieces = {}
+        if run.bodies:
+            pieces["points"] = points_piece(run.bodies, comm), VERTEX
+        pieces["grid"] = grid_piece(run, frame), cell
+        if "stress" in self._series:
+            pieces["stress"] = stress_piece(run.stress_field()), cell
+        for kind, (piece, cell_type) in pieces.items():
+            self._series[kind].add(run, self.path, piece, cell_type)
 
     @property
     def label(self) -> str:
@@ -109,33 +107,46 @@ class Snapshots:
 
 
 class _Series:
-    """VTU files of one kind, and the collection that names them with their times."""
+    """Files of one kind, and the collection that names them with their times."""
 
     def __init__(self, path: Path):
         self.path = path
         self.entries = ""
 
-    def add(
-        self,
-        run,
-        x: np.ndarray,
-        cells: np.ndarray,
-        cell_type: int,
-        point_data: Mapping,
-        cell_data: Mapping,
-    ) -> None:
-        """Write one file, then the collection with it."""
-        dim = x.shape[1]
-        fields = (
+    def add(self, run, shown: Path, piece: Piece, cell_type: int) -> None:
+        """Write the file of each rank, then the one that names them, then the collection with it.
+
+        Raises ``OSError`` naming ``shown``, on all ranks.  Collective.
+        """
+        comm, dim = run.grid.comm, piece.x.shape[1]
+        x = _widened(piece.x, 3)
+        fields = [
             {name: _vtk(value, dim) for name, value in data.items()}
-            for data in (point_data, cell_data)
-        )
-        file = self.path.with_name(f"{self.path.name}_{run.steps:06d}.vtu")
-        with complete(file) as part:
-            write(part, _widened(x, 3), cells, cell_type, *fields)
-        entries = (
-            f'{self.entries}<DataSet timestep="{float(run.time)!r}" file={quoteattr(file.name)}/>\n'
-        )
+            for data in (piece.point_data, piece.cell_data)
+        ]
+        name = f"{self.path.name}_{run.steps:06d}"
+        file = self.path.with_name(f"{name}.{'vtu' if comm.size == 1 else 'pvtu'}")
+        files = {comm.rank: file.name}
+        if comm.size > 1:  # meshio cannot read a piece of nothing, so there is none
+            ranks = [rank for rank, cells in enumerate(comm.allgather(len(piece.cells))) if cells]
+            files = {rank: f"{self.path.name}/{name}_p{rank:04d}.vtu" for rank in ranks or [0]}
+        with failing_together(comm, FAILED, shown):
+            if comm.rank in files:
+                if comm.size > 1:
+                    self.path.mkdir(exist_ok=True)
+                with complete(self.path.parent / files[comm.rank]) as part:
+                    write(part, x, piece.cells, cell_type, *fields)
+        entry = f'<DataSet timestep="{float(run.time)!r}" file={quoteattr(file.name)}/>\n'
+        with failing_together(comm, FAILED, shown):
+            if comm.rank == 0:
+                if comm.size > 1:
+                    with complete(file) as part:
+                        write_index(part, files.values(), x, *fields)
+                self._list(self.entries + entry)
+        self.entries += entry
+
+    def _list(self, entries: str) -> None:
+        """Write the collection."""
         with complete(self.path.with_name(self.path.name + ".pvd")) as part:
             part.write_text(
                 '<?xml version="1.0" encoding="utf-8"?>\n<VTKFile type="Collection" '
@@ -143,7 +154,6 @@ class _Series:
                 f"<Collection>\n{entries}</Collection>\n</VTKFile>\n",
                 encoding="utf-8",
             )
-        self.entries = entries
 
 
 def _vtk(value: np.ndarray, dim: int) -> np.ndarray:
