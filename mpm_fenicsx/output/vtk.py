@@ -77,6 +77,10 @@ class Snapshots:
         if run.steps % self.every == 0:
             self._write(run, self._frame)
 
+    def moved(self, run) -> None:
+        """Nodes and cells are on other ranks."""
+        self._frame = grid_frame(run.grid)
+
     def _write(self, run, frame: Frame) -> None:
         comm, cell = run.grid.comm, _CELL[run.grid.dim]
         pieces = {}
