@@ -14,6 +14,8 @@ from . import dolfinx_versions
 
 EXACT = 2**52
 """Whole numbers up to here are sums of floats without round-off, in any order."""
+BINS = 64
+"""Into which all cells of a part that may be at the cut are sorted at once."""
 
 
 def distribute(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray):
@@ -132,7 +134,8 @@ def _below(
     """Which cells (n,) are the first of their part that weigh no more than its ``share`` (parts,).
 
     ``keys`` (n, k), whole numbers; ``undecided``: the cells that are asked for; ``columns``: which
-    keys order each part (parts, k), the first one first.  All parts are bisected at once.
+    keys order each part (parts, k), the first one first.  The bin that holds the cut is divided
+    again and again, in all parts at once.
     """
     parts, out = len(share), np.zeros(len(part), dtype=bool)
     weighs = np.zeros(parts, dtype=np.int64)  # of what is below for certain
@@ -140,18 +143,23 @@ def _below(
         at = part[undecided]
         key = keys[undecided, column[at]]
         low, high = (limit[:, 0] for limit in _bounds(comm, at, parts, key[:, None]))
-        while (low < high).any():
-            middle = (low >> 1) + (high >> 1) + (low & high & 1)  # low + high may be too large
-            found = low >= high
-            under = key <= middle[at]
-            more = _sum(comm, at[under], parts, weight[undecided[under]])
-            over = found | (weighs + more > share)
-            out[undecided[under & ~over[at]]] = True
-            weighs += np.where(over, 0, more)
-            low = np.where(over, low, middle + 1)
-            high = np.where(over & ~found, middle, high)
-            stays = (under == over[at]) | found[at]
+        key, low, high = (number.view(np.uint64) for number in (key, low, high))
+        extent = np.where(low.view(np.int64) <= high.view(np.int64), high - low, 0)  # modulo 2⁶⁴
+        while (extent > 0).any():
+            width = extent // BINS + 1
+            bin_ = ((key - low[at]) // width[at]).astype(np.int64)
+            table = _sum(comm, at * BINS + bin_, parts * BINS, weight[undecided])
+            upto = weighs[:, None] + np.cumsum(table.reshape(parts, -1), axis=1)
+            first = np.argmax(upto > share[:, None], axis=1)  # that goes past the share
+            open_ = extent > 0
+            out[undecided[open_[at] & (bin_ < first[at])]] = True
+            before = np.append(weighs[:, None], upto, axis=1)[np.arange(parts), first]
+            weighs = np.where(open_, before, weighs)
+            stays = ~open_[at] | (bin_ == first[at])
             undecided, key, at = undecided[stays], key[stays], at[stays]
+            start = np.where(open_, first.astype(np.uint64) * width, 0)
+            low = low + start
+            extent = np.where(open_, np.minimum(extent - start, width - 1), 0)
     return out
 
 
@@ -176,16 +184,13 @@ def _bounds(
     """Least and largest key of each part (parts, k)."""
     order = np.argsort(part, kind="stable")
     here, start = np.unique(part[order], return_index=True)
-    limits = np.iinfo(np.int64)
-    low = np.full((parts, keys.shape[1]), limits.max)
-    high = np.full_like(low, limits.min)
+    # of ~key, which falls as key rises, the least is the largest's
+    limits = np.full((parts, 2 * keys.shape[1]), np.iinfo(np.int64).max)
     if len(here):
-        keys = keys[order]
-        low[here] = np.minimum.reduceat(keys, start, axis=0)
-        high[here] = np.maximum.reduceat(keys, start, axis=0)
-    comm.Allreduce(MPI.IN_PLACE, low, op=MPI.MIN)
-    comm.Allreduce(MPI.IN_PLACE, high, op=MPI.MAX)
-    return low, high
+        limits[here] = np.minimum.reduceat(np.concatenate((keys, ~keys), axis=1)[order], start)
+    comm.Allreduce(MPI.IN_PLACE, limits, op=MPI.MIN)
+    low, high = np.split(limits, 2, axis=1)
+    return np.ascontiguousarray(low), ~high
 
 
 def _in_order(x: np.ndarray) -> np.ndarray:
