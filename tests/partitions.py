@@ -208,19 +208,19 @@ def slices(comm: MPI.Comm) -> None:
         sizes.append((len(x), len(cells), len(owners(comm.size)[0]) - 1))
         return create(comm, x, cells, owners)
 
-    sends, send = [], partition.rows.send
+    sends, send = [], partition.exchange.send
 
     def seen(comm, rows, to):
         came = send(comm, rows, to)
         sends.append(max(len(rows), len(came[0])))
         return came
 
-    dolfinx_versions.create_mesh, partition.rows.send = watched, seen
+    dolfinx_versions.create_mesh, partition.exchange.send = watched, seen
     try:
         grid = mpm.Grid.box((0, 0), (1, 1), (60, 60))
         grid.repartition(np.ones(grid.owned_cells))
     finally:
-        dolfinx_versions.create_mesh, partition.rows.send = create, send
+        dolfinx_versions.create_mesh, partition.exchange.send = create, send
     for nodes, cells, destinations in sizes:
         assert cells == destinations and abs(cells - 3600 / comm.size) < 2
         assert nodes < 3721 / comm.size + 62
