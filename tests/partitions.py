@@ -120,7 +120,9 @@ def filled(grid: mpm.Grid) -> dict:
     body = mpm.MaterialPoints.fill(
         grid, SOIL, 2**grid.dim, lambda x: (x[0] < 1.2) | (x[1] < 0.6), jitter=0.4, seed=7
     )
-    rows = np.concatenate((body.x, body.half, body.exposed.reshape(len(body), 2 * grid.dim)), axis=1)
+    rows = np.concatenate(
+        (body.x, body.half, body.exposed.reshape(len(body), 2 * grid.dim)), axis=1
+    )
     return {
         ",".join(f"{v:.6f}" for v in seat): row.tolist()
         for seat, row in zip(body.seat, rows, strict=True)

@@ -11,7 +11,7 @@ from mpi4py import MPI
 import numpy as np
 
 from ..common.checks import an_object, finite, whole
-from .redistribution import below, fields, rows_of_points
+from .redistribution import fields, rows_of_points
 
 AGAIN = 1.1
 """Of the imbalance that the last division has left: so much worse it must become for the next."""
@@ -96,9 +96,11 @@ def divide(run, weight: np.ndarray) -> None:
     now = now._replace(state={name: value.copy() for name, value in now.state.items()})
     clouds, counts = run.clouds(), (run.solves, run.iterations, run.rescues)
     grid.repartition(weight)
-    for cloud, per_face in clouds.items():
-        own = below(f"{cloud}/", now.state)
-        run.move_points(cloud, rows_of_points(grid, [now], cloud, own, per_face))
+    rows = {
+        cloud: rows_of_points(grid, [now], cloud, per_face) for cloud, per_face in clouds.items()
+    }
+    for cloud, arrays in rows.items():
+        run.move_points(cloud, arrays)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they have been said
         run.build()
@@ -106,6 +108,8 @@ def divide(run, weight: np.ndarray) -> None:
     state = run.state()
     for name, value in fields(grid, [now], state, run.spread()).items():
         state[name][...] = value
+    for cloud, arrays in rows.items():
+        run.take_points(cloud, arrays)
     run.equilibrium.solves, run.equilibrium.iterations, run.equilibrium.rescues = counts
     run.arrangement += 1
     for recorder in run.recorders:

@@ -520,15 +520,11 @@ class Simulation(Run):
             self.divide(weight)
 
     def move_points(self, cloud: str, arrays: dict[str, np.ndarray]) -> None:
-        """Points become those of other arrays, before the run is built anew."""
-        del arrays["cell"]
+        """Bodies and surfaces become points of other arrays, before the run is built anew."""
         kind, n = cloud.split("/")
-        if kind == "bodies":
-            self.bodies[int(n)].take(arrays)
-        else:
-            self.scene.patches[int(n)].points.take(
-                {name: value for name, value in arrays.items() if not name.startswith("held")}
-            )
+        points = self.bodies[int(n)] if kind == "bodies" else self.scene.patches[int(n)].points
+        known = points.state() if kind == "bodies" else points.rows()
+        points.take({name: value for name, value in arrays.items() if name in known})
 
     def take_points(self, cloud: str, arrays: dict[str, np.ndarray]) -> None:
         """Points become those of other arrays, by the names of ``state`` below theirs."""

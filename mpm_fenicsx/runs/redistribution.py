@@ -19,8 +19,8 @@ from ..common.ranks import anywhere
 from ..common.spread import Part, Spread
 from ..grid.grid import Grid
 
-OWN = ("number", "cell", "held")
-"""How the names of arrays begin that points have on several ranks alone, or find again."""
+OWN = ("number", "cell")
+"""Arrays that points have on several ranks alone, or find again."""
 
 
 def part_of(grid: Grid, state: Mapping[str, np.ndarray]) -> Part:
@@ -91,15 +91,11 @@ def fields(
 
 
 def rows_of_points(
-    grid: Grid, parts: Sequence[Part], group: str, own: Mapping[str, np.ndarray], per_face: int = 1
+    grid: Grid, parts: Sequence[Part], cloud: str, per_face: int = 1
 ) -> dict[str, np.ndarray]:
-    """Arrays of the points ``group`` that lie in this rank's cells, from the parts that each rank
-    holds; so many in a row are one face and stay together.
-
-    ``own``: the rows that are here now, from which each point takes, by its number, what the parts
-    do not know.
-    """
-    comm, given = grid.comm, [below(f"{group}/", part.state) for part in parts]
+    """Arrays of the points ``cloud`` that lie in this rank's cells, from the parts that each rank
+    holds; so many in a row are one face and stay together."""
+    comm, given = grid.comm, [below(f"{cloud}/", part.state) for part in parts]
     kinds = [(name, a.dtype, a.shape[1:]) for name, a in given[0].items()] if parts else None
     rows = {
         name: np.concatenate((np.empty((0, *shape), dtype), *(of[name] for of in given)))
@@ -115,12 +111,8 @@ def rows_of_points(
     }
     place = fetched(comm, here, place, np.repeat(cells[::per_face], per_face))
     rows = delivered(comm, {**rows, "cell": place["cell"]}, place["rank"])
-    lacking = {name: value for name, value in own.items() if name not in rows}
-    if lacking:
-        numbers = own.get("number", np.arange(len(own["cell"])))
-        rows.update(fetched(comm, numbers, lacking, rows["number"]))
     order = np.argsort(rows["number"], kind="stable")
-    return {name: value[order] for name, value in rows.items() if name in (*own, "number")}
+    return {name: value[order] for name, value in rows.items()}
 
 
 def below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -129,4 +121,4 @@ def below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray
 
 
 def _is_own(name: str) -> bool:
-    return name.split("/")[-1].startswith(OWN)
+    return name.split("/")[-1] in OWN

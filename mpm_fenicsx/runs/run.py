@@ -20,7 +20,7 @@ from ..grid.grid import Grid
 from ..grid.stress_field import StressField
 from ..output.checkpoint import restart
 from .identity import described
-from .redistribution import below, fields, misfit, part_of, rows_of_points
+from .redistribution import fields, misfit, part_of, rows_of_points
 from .scene_checks import check_run, terms_of
 from .statics import Statics
 
@@ -285,13 +285,13 @@ class Run(Statics):
         state, spread = self.state(), self.spread()
         found = fields(self.grid, parts, state, spread)
         rows = {
-            group: rows_of_points(self.grid, parts, group, below(f"{group}/", state), per_face)
-            for group, per_face in self.clouds().items()
+            cloud: rows_of_points(self.grid, parts, cloud, per_face)
+            for cloud, per_face in self.clouds().items()
         }
         for name, value in found.items():
             state[name][...] = value
-        for group, arrays in rows.items():
-            self.take_points(group, arrays)
+        for cloud, arrays in rows.items():
+            self.take_points(cloud, arrays)
         self.arrangement += 1
 
     def clouds(self) -> dict[str, int]:

@@ -259,12 +259,8 @@ class PointPatch:
             self._cell = np.zeros(rows, np.int32)
 
     def take_points(self, arrays: dict[str, np.ndarray]) -> None:
-        """Become points of other ``arrays``, in the order of their numbers."""
-        del arrays["cell"]
-        held = {name: arrays.pop(name) for name in self._held if name in arrays}
-        self._held.update(held)
-        self.points.take(arrays)
-        self.stencil.resize(len(self.points))
+        """Become points of other ``arrays``."""
+        self._take({name: value for name, value in arrays.items() if name != "cell"})
         self._cell = self.grid.find(self._inward())
 
     def _lies(self, row: int, where: str) -> str:
@@ -438,7 +434,11 @@ class PointPatch:
             "area": self.points.area,
             "cell": self._cell,
         }
-        more = {"displacement": self.points.displacement, "rest_area": self.points.rest_area}
+        more = {
+            "displacement": self.points.displacement,
+            "rest_area": self.points.rest_area,
+            **self._held,
+        }
         return {**found, **{name: value for name, value in more.items() if value is not None}}
 
 
