@@ -18,7 +18,7 @@ class Solver:
     gradients with an incomplete Cholesky factor in dynamics, a full factor in statics, GMRES and LU
     where the matrix is not symmetric.
     ``reuse``: a cell's density, moduli and part of the matrix stay as they are while they would
-    change by less than that part (elastic material points, one rank, DOLFINx 0.11; else nothing is
+    change by less than that part (elastic material points, DOLFINx 0.11; else nothing is
     kept); a restart is one to round-off then.
 
     Raises ``ValueError`` for what is no option.
