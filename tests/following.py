@@ -1,11 +1,12 @@
-"""Scenes on a grid that is half empty: what is computed, and how much of the grid it takes, as JSON:
-``mpiexec -n 2 python following.py out``."""
+"""Scenes on a grid that is half empty: what is computed, and how much of the grid it takes, as
+JSON: ``mpiexec -n 2 python following.py out``."""
 
 from __future__ import annotations
 
 import json
 import sys
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 from mpi4py import MPI
@@ -41,9 +42,9 @@ def went(run, steps: int) -> dict:
     watched, taken = migrating.Watched(run, run.terms[0].on), []
     for _ in range(steps):
         run.step()
-        taken.append(inside.gone_over(run))
+        taken += inside.gone_over(run)
     found = {**watched.points(), **watched.faces()}
-    return {**migrating.together(run.grid.comm, found), "gone over": {"": sum(taken, [])}}
+    return {**migrating.together(run.grid.comm, found), "gone over": {"": taken}}
 
 
 def again(make: Callable[[], mpm.Simulation], steps: int) -> dict:
@@ -52,7 +53,7 @@ def again(make: Callable[[], mpm.Simulation], steps: int) -> dict:
     for _ in range(steps):
         run.step()
         states.append({name: value.copy() for name, value in run.state().items()})
-    for k, (before, after) in enumerate(zip(states, states[1:], strict=False)):
+    for k, (before, after) in enumerate(pairwise(states)):
         other = make()
         other.restore(before)
         other.resume(k + 1)

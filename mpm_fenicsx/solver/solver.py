@@ -25,7 +25,7 @@ class Solver:
     ``-soil_ksp_rtol 1e-8`` on the command line (after ``petsc4py.init(sys.argv)``), in the
     variable PETSC_OPTIONS or in a file ``.petscrc``.  They are read when a run is made.
     ``reuse``: a cell's density, moduli and part of the matrix stay as they are while they would
-    change by less than that part (elastic material points, one rank, DOLFINx 0.11; else nothing is
+    change by less than that part (elastic material points, DOLFINx 0.11; else nothing is
     kept); a restart is one to round-off then.
 
     Raises ``ValueError`` for what is no option.
