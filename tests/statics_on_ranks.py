@@ -265,7 +265,7 @@ LAWS = {
     "double-mapped, of finite strain": (FINITE, mpm.DM_GC),
     "in elements, of finite strain": (FINITE, None),
 }
-"""Elastic soils, and mappings or None for finite elements: laws are asked in other places of each."""
+"""Elastic soils, and mappings or None for finite elements: in each laws are asked elsewhere."""
 
 
 def failing(laws: tuple) -> dict:
