@@ -5,7 +5,6 @@ import json
 import subprocess
 import sys
 import warnings
-from dataclasses import replace
 
 import inside
 import numpy as np
@@ -132,6 +131,16 @@ def test_another_step_may_want_another_solver(monkeypatch):
 # -- statics ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("kind", solving.AT_REST)
+@pytest.mark.parametrize("dim", [2, 3])
+def test_multigrid_on_ranks_brings_bodies_to_the_rest_of_a_factor(several, serial, dim, kind):
+    case = f"{dim}D {kind} at rest"
+    assert several[case]["kind"] == ["cg", "gamg"] and several[case]["rescues"] == 0
+    assert serial[case]["kind"] == ["preonly", "cholesky"]
+    a, b = (np.array(found[case]["points"]) for found in (several, serial))
+    assert np.abs(a - b)[:, 2 * dim :].max() < 1e-9 * np.abs(b[:, 2 * dim :]).max()
+
+
 def choose(monkeypatch, which: str) -> str:
     """Make statics of any size take a solver; its type in PETSc."""
     few, many = {"petsc": (10**9, 10**9), "mumps": (0, 10**9), "multigrid": (0, 0)}[which]
@@ -139,24 +148,6 @@ def choose(monkeypatch, which: str) -> str:
         monkeypatch.setitem(solver_choice.FEW, dim, few)
         monkeypatch.setitem(solver_choice.MANY, dim, many)
     return "gamg" if which == "multigrid" else "cholesky"
-
-
-def resting(dim: int, kind: str):
-    """A block that sags under its weight, its top and side inside cells; finite elements on its
-    grid."""
-    n = 12 if dim == 2 else 5
-    poisson = 0.49 if kind == "B-bar" else 0.25
-    law = mpm.LinearElastic(young=20e6, poisson=poisson, density=1500.0)
-    grid = mpm.Grid.box((0.0,) * dim, (1.0,) * dim, (n,) * dim)
-    weight = mpm.Gravity((0.0, -9.81) + (0.0,) * (dim - 2))
-    terms = [mpm.Fixed(grid.facets("bottom")), mpm.Fixed(grid.facets("left"), "x"), weight]
-    if kind == "FE":
-        return mpm.FiniteElements(grid, law, mpm.QuasiStatic(1), terms)
-    body = mpm.MaterialPoints.fill(grid, law, 2**dim, lambda x: (x[:2] < 0.7).all(axis=0))
-    mapping = replace(mpm.DM_GC, b_bar=kind == "B-bar")
-    if kind == "GhostPenalty":
-        terms.append(mpm.GhostPenalty())
-    return mpm.Simulation(grid, body, mpm.QuasiStatic(1), terms, mapping)
 
 
 @pytest.mark.parametrize(
@@ -168,7 +159,7 @@ def test_solvers_of_statics_agree_and_bring_bodies_to_rest(dim, kind, monkeypatc
     for which in ("petsc", "mumps", "multigrid"):
         with monkeypatch.context() as patched:
             name = choose(patched, which)
-            run = resting(dim, kind)
+            run = solving.resting(dim, kind)
             run.step()
             assert run.settle(1e-10) <= 1e-10
             assert inside.linear_solver(run).getPC().getType() == name
@@ -182,7 +173,7 @@ def test_solvers_of_statics_agree_and_bring_bodies_to_rest(dim, kind, monkeypatc
 
 def test_where_multigrid_fails_a_factor_comes_to_the_rescue_and_stays(monkeypatch):
     choose(monkeypatch, "multigrid")
-    run, exact = resting(2, "DM-GC"), resting(2, "DM-GC")
+    run, exact = solving.resting(2, "DM-GC"), solving.resting(2, "DM-GC")
     inside.linear_solver(run).setTolerances(max_it=2)
     assert "algebraic multigrid" in str(run)
     run.step()
