@@ -9,6 +9,7 @@ from .analytical.waves import relative_error
 from .common import tensors
 from .common.errors import RunError
 from .common.ranks import end_together as _end_together
+from .common.spread import Spread
 from .contact.contact import Contact
 from .dynamics.time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
 from .grid.grid import Grid
@@ -95,6 +96,7 @@ __all__ = [
     "Simulation",
     "Snapshots",
     "Solver",
+    "Spread",
     "StressField",
     "SurfacePoints",
     "Term",

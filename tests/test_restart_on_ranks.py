@@ -27,7 +27,7 @@ EXACT = mpm.Solver(
 )
 
 
-def points(law, mapping=mpm.DM_GC):
+def points(law, mapping=mpm.DM_GC, *more):
     """A body that crosses cells on springs and dashpots, with pressure given point by point."""
     grid, fill = place()
     body = fill(law)
@@ -43,6 +43,7 @@ def points(law, mapping=mpm.DM_GC):
             mpm.Traction(top, pressure),
             mpm.ViscoelasticBoundary(body.surface("bottom"), SOFT, 3.0),
             mpm.Traction(body.surface("left"), (1e3, 1e3)),
+            *more,
         ],
         mapping,
         EXACT,
@@ -76,6 +77,7 @@ SCENES = {
     "elastic": lambda: points(SOFT),
     "B-bar": lambda: points(CLAY, replace(mpm.DM_GC, b_bar=True)),
     "finite von Mises": lambda: points(STRETCHED),
+    "GhostPenalty": lambda: points(SOFT, mpm.DM_GC, mpm.GhostPenalty()),
     "two bodies": shaken,
     "FE": lambda: elements(SOFT, reassemble=True, solver=EXACT),
     "FE von Mises": lambda: elements(CLAY, solver=EXACT),

@@ -10,6 +10,7 @@ import numpy as np
 import ufl
 
 from ..common.checks import in_short
+from ..common.spread import Spread
 
 SUMS = ("left", "lost")
 """What the recorder Energy makes of all energies: no name for one of them."""
@@ -33,8 +34,10 @@ class Contribution:
     ``before``: functions of the step's start and end (s), called before it is solved.
     ``after``: functions called when a step is made, halves of a step too.
     ``memory``: arrays by name that ``after`` changes in place, and that the next step depends on: a
-    checkpoint keeps them, and a step that is taken back takes them back.  On several ranks rows of
-    points do not follow these to other ranks.
+    checkpoint keeps them, and a step that is taken back takes them back.
+    ``spread``: of arrays in ``memory`` that are not the same on every rank, whether their rows are
+    those of the grid's nodes or of its cells, ghosts included: they go to other ranks with these.
+    Rows of surface points cannot.
     ``symmetric``: whether the derivative of ``work`` is.
     ``holds``: it keeps a body from rigid motions that supports leave free, as springs do; a
     quasi-static run then does not refuse those.
@@ -50,6 +53,7 @@ class Contribution:
     before: list[Callable[[float, float], None]] = field(default_factory=list)
     after: list[Callable[[], None]] = field(default_factory=list)
     memory: Mapping[str, np.ndarray] = field(default_factory=dict)
+    spread: Mapping[str, Spread] = field(default_factory=dict)
     symmetric: bool = True
     holds: bool = False
     note: str = ""
@@ -86,6 +90,14 @@ class Contribution:
                     f"terms: memory of {self.term} must be arrays of numbers by name, which change "
                     f"in place, got {name!r}: {in_short(value)}"
                 )
+        kinds = Spread.NODES, Spread.CELLS
+        if not isinstance(self.spread, Mapping) or any(
+            name not in self.memory or lies not in kinds for name, lies in self.spread.items()
+        ):
+            raise ValueError(
+                f"terms: spread of {self.term} must be Spread.NODES or Spread.CELLS by names of "
+                f"memory, got {in_short(self.spread)}"
+            )
 
     def energies(self) -> dict[str, ufl.Form]:
         """What ``energy`` returns.  Raises ``ValueError`` naming the term where that is no forms

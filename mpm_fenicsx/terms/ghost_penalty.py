@@ -9,6 +9,7 @@ import ufl
 from dolfinx import fem
 
 from ..common.checks import finite, positive
+from ..common.spread import Spread
 from ..grid import dolfinx_versions, weak_forms
 from ..grid.grid import Grid
 from ..mapping.projection import HATS, QUADRATICS
@@ -75,7 +76,12 @@ class GhostPenalty:
         if motion.stepping.dynamic:
             work += weak_forms.kink(self.mass * β * ρ * h**3, motion.acceleration, motion.w, n)
         memory = {"places": region.places} if region.follows else {}
-        return Contribution(work * measure, before=[refresh], memory=memory)
+        return Contribution(
+            work * measure,
+            before=[refresh],
+            memory=memory,
+            spread=dict.fromkeys(memory, Spread.CELLS),
+        )
 
 
 class _Given:

@@ -197,16 +197,18 @@ class Scene:
         self.patches[int(cloud.split("/")[1])].take_points(arrays)
 
     def spread(self) -> dict[str, Spread]:
-        """How the arrays of ``state`` lie on the ranks; what terms remember is to be the same on
-        all."""
-        return {
-            name: Spread.ALIKE
-            if name.startswith("terms/")
-            else Spread.NODES
-            if self.patches[int(name.split("/")[1])].points is None
-            else Spread.ROWS
-            for name in self.state()
+        """How the arrays of ``state`` lie on the ranks."""
+        surfaces = {
+            f"surfaces/{k}/{name}": Spread.NODES if p.points is None else Spread.ROWS
+            for k, p in enumerate(self.patches)
+            for name in p.state()
         }
+        terms = {
+            f"terms/{k}/{name}": contribution.spread.get(name, Spread.ALIKE)
+            for k, contribution in enumerate(self.contributions)
+            for name in contribution.memory
+        }
+        return surfaces | terms
 
     def arrays_that_move(self) -> set[str]:
         """Names in ``state`` of the arrays of surface points."""
