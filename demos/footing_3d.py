@@ -60,7 +60,7 @@ def at_rest(scene):
     for method, cell in (("FE", scene.cell), ("FE", scene.cell / 2), ("DM-GC", scene.cell)):
         now = replace(scene, cell=cell)
         run = METHODS[method](now, static=True)
-        probe = run.record(now.settlement())
+        probe = run.record(now.settlement(run))
         run.step()
         run.settle(1e-8)
         probe(run)
@@ -71,7 +71,7 @@ def at_rest(scene):
                 "cell_m": cell,
                 "centre_mm_per_kpa": 1e6 * centre,
                 "mean_mm_per_kpa": 1e6 * mean,
-                "centre_off": centre / now.at_rest - 1.0,
+                "centre_off": centre / now.at_rest(now.place(run)) - 1.0,
                 "mean_off": mean / now.mean_at_rest - 1.0,
             }
         )
@@ -106,7 +106,7 @@ class Section:
 def measure(run, scene, until=end, sections=(), progress=None):
     """Run: a row of figures, and the settlement (m) of the centre at all times.  The same on every
     rank, but for the seconds."""
-    settlement, energy = run.record(scene.settlement()), run.record(Energy())
+    settlement, energy = run.record(scene.settlement(run)), run.record(Energy())
     for section in sections:
         run.record(section)
     began = time.perf_counter()

@@ -11,7 +11,7 @@ Schleicher's.  How soil yields under the footing has no exact answer here.
 
     scene = Footing("viscoelastic")
     run = scene.material_points()
-    settlement = run.record(scene.settlement())
+    settlement = run.record(scene.settlement(run))
     run.until(0.3)
     -settlement.values[:, 1]
 """
@@ -19,7 +19,6 @@ Schleicher's.  How soil yields under the footing has no exact answer here.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 
 import numpy as np
 
@@ -145,27 +144,26 @@ class Footing:
         """One step without inertia, or steps in time."""
         return mpm.QuasiStatic(1) if static else mpm.Newmark(self.step)
 
-    @property
-    def middle(self) -> np.ndarray:
-        """Where settlement is looked at (3,), m: a quarter of a cell from the centre along x and z,
-        where the first points lie.  At the centre itself a quarter block has points on one side
-        only, and what is drawn on from them is 3 % off at h = 0.5 m."""
-        return np.array([0.25 * self.cell, self.depth, 0.25 * self.cell])
+    def place(self, run) -> np.ndarray:
+        """Where a run's settlement is looked at (3,), m: at the centre, a node, in finite elements;
+        of points a quarter of a cell beside it along x and z, where the first ones lie.  At the
+        centre a quarter block has points on one side only, and what is drawn on from them is 3 %
+        off at h = 0.5 m."""
+        beside = 0.25 * self.cell if run.bodies else 0.0
+        return np.array([beside, self.depth, beside])
 
-    def settlement(self) -> mpm.Probe:
-        """Recorder of the displacement in the footing's middle."""
-        return mpm.Probe("displacement", self.middle)
+    def settlement(self, run) -> mpm.Probe:
+        """Recorder of the displacement there."""
+        return mpm.Probe("displacement", self.place(run))
 
     # -- what is known -----------------------------------------------------------------------------
 
-    @property
-    def at_rest(self) -> float:
-        """Settlement (m) of the middle, elastic, fixed boundaries: exact at small strain."""
-        box = self.half, (self.width, self.width), self.depth
-        place = self.middle[None, [0, 2]]
-        return float(
-            footing.settlement_of_a_box(place, *box, self.load, soil.young, soil.poisson)[0]
-        )
+    def at_rest(self, place: np.ndarray) -> float:
+        """Settlement (m) at a place (3,), m, of the surface, elastic, between fixed boundaries:
+        exact at small strain."""
+        box = self.half, (self.width, self.width), self.depth, self.load
+        below = place[None, [0, 2]]
+        return float(footing.settlement_of_a_box(below, *box, soil.young, soil.poisson)[0])
 
     @property
     def mean_at_rest(self) -> float:
@@ -175,13 +173,8 @@ class Footing:
 
     @property
     def on_a_half_space(self) -> float:
-        """Settlement (m) of the middle, elastic, at rest, on soil without end (Schleicher 1926):
-        the corner of four rectangles."""
-        x, _, z = self.middle
-        return sum(
-            footing.corner_of_a_half_space(sides, self.load, soil.young, soil.poisson)
-            for sides in product(*((a - d, a + d) for a, d in zip(self.half, (x, z), strict=True)))
-        )
+        """Settlement (m) of the centre, elastic, at rest, on soil without end (Schleicher 1926)."""
+        return 4.0 * footing.corner_of_a_half_space(self.half, self.load, soil.young, soil.poisson)
 
 
 def mean_settlement(run, load: float, area: float) -> float:
