@@ -90,7 +90,8 @@ def arguments(gallery_conf, script_vars):
     """What demos are called with: results go to a temporary folder, the long one is quick."""
     builtins.__file__ = script_vars["src_file"]  # demos ask for it, and the gallery gives them none
     name = Path(script_vars["src_file"]).name
-    options = {"column.py": [], "foundation.py": ["--quick"]}
+    options = {name: [] for name in ("column.py", "column_3d.py", "footing_3d.py")}
+    options["foundation.py"] = ["--quick"]
     return [*options[name], "--results", str(RESULTS)] if name in options else []
 
 
