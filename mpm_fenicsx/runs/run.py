@@ -250,6 +250,7 @@ class Run(Statics):
         copies."""
         return {
             "clock": self._clock,
+            "solver": self.equilibrium.memory,
             **{f"motion/{name}": value for name, value in self.motion.state().items()},
             **self.scene.state(),
         }
@@ -266,7 +267,8 @@ class Run(Statics):
     def spread(self) -> dict[str, Spread]:
         """How the arrays of ``state`` lie on the ranks."""
         motion = {f"motion/{name}": Spread.NODES for name in self.motion.state()}
-        return {"clock": Spread.ALIKE, **motion, **self.scene.spread()}
+        alike = {"clock": Spread.ALIKE, "solver": Spread.ALIKE}
+        return {**alike, **motion, **self.scene.spread()}
 
     def part(self) -> Part:
         """This rank's part of the state.  Collective."""

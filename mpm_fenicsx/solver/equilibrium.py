@@ -88,7 +88,10 @@ class Equilibrium:
         self._residual = dolfinx_versions.compile_form(residual)
         self._tangent = dolfinx_versions.compile_form(tangent)
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
-        self._factored, self._crossings, self._hard = factored, crossings, False
+        self._factored, self._crossings = factored, crossings
+        # whether the matrix is one of rows, as ties want it, and multigrid has failed: the next
+        # step depends on it, to round-off
+        self.memory = np.zeros(2, dtype=bool)
         self._options = {**(solver.petsc or {}), **from_table(solver.prefix)}
         self._prefix, self._unread = solver.prefix, list(self._options)
         if nodes is None:
@@ -125,7 +128,7 @@ class Equilibrium:
             stepping.dynamic,
             self._crossings * stepping.dt if stepping.dynamic else 0.0,
             self._factored,
-            self._hard,
+            bool(self.memory[1]),
         ).choice
 
     def _kind_of_matrix(self) -> str | None:
@@ -180,8 +183,9 @@ class Equilibrium:
     def assemble_tangent(self) -> None:
         """K with the law's tangent as it is, and the part of it that is to be solved."""
         self._choose()
-        if self._kind is not None and self._kind_of_matrix() is None:
-            self._take_rows()
+        kind = None if self.memory[0] else self._kind_of_matrix()
+        if kind != self._kind:
+            self._change_matrix(kind)
         if self.motion.region.outgrown:
             with self.motion.region.room():
                 self._allocate()
@@ -236,16 +240,17 @@ class Equilibrium:
         if P is self._tied:
             return False
         if self._kind is not None:  # PETSc takes products of rows, not of blocks
-            self._take_rows()
+            self.memory[0] = True
+            self._change_matrix(None)
         elif self.update is not None and self.part.matrix is self.matrix:
             self.matrix.setDiagonal(self._plain)  # rows without material have another one
         self._tied, self._condensed = P, None
         self._reset()
         return True
 
-    def _take_rows(self) -> None:
-        """A matrix of rows in place of one of blocks."""
-        self._kind = None
+    def _change_matrix(self, kind: str | None) -> None:
+        """A matrix of another format in place of that so far."""
+        self._kind, self._tied = kind, None
         with self.motion.region.whole():
             self._allocate()
         self._reset()
@@ -409,7 +414,7 @@ class Equilibrium:
             names, self._unread = self._unread, []
             warn_of_unread(self.ksp, names)
         if reason < 0 and self.choice.iterates and not self._options:
-            self._hard |= self.choice.multigrid
+            self.memory[1] |= self.choice.multigrid
             if self._rescue is None:
                 self._rescue = linear_solver(self.part.matrix, RESCUE)
             self._rescue.setOperators(self.part.matrix)
