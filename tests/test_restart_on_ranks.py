@@ -80,8 +80,8 @@ SCENES = {
     "GhostPenalty": lambda: points(SOFT, mpm.DM_GC, mpm.GhostPenalty()),
     "two bodies": shaken,
     "FE": lambda: elements(SOFT, reassemble=True, solver=EXACT),
-    "FE von Mises": lambda: elements(CLAY, solver=EXACT),
-    "FE Hencky": lambda: elements(STRETCHED, solver=EXACT),
+    "FE von Mises": lambda: elements(CLAY, solver=mpm.Solver(newton=EXACT.newton)),
+    "FE Hencky": lambda: elements(STRETCHED, solver=mpm.Solver(newton=EXACT.newton)),
 }
 
 
@@ -131,7 +131,7 @@ def test_other_ranks_go_on(name, end, tmp_path):
         lacking = set(never) ^ set(stages)
         assert all(array.endswith("/number") for array in lacking), lacking
         for array in set(never) - lacking:
-            if array.startswith(("0/run/", "0/recorders/")):
+            if array.startswith(("0/run/", "0/recorders/")) and array != "0/run/solver":
                 a, b = stages[array], never[array]
                 assert a.shape == b.shape and a.dtype == b.dtype, array
                 size = np.abs(b).max(initial=0.0) if b.dtype.kind == "f" else 0.0
