@@ -38,10 +38,10 @@ from .output.recorders import Energy, Probe, Series
 from .output.vtk import Snapshots
 from .points.material_points import MaterialPoints
 from .points.surface_points import SurfacePoints
-from .runs.balance import Balance
 from .runs.finite_elements import FiniteElements
 from .runs.material_points import Simulation
 from .runs.options import PAPER, InitialAcceleration
+from .runs.repartitioning import Repartition
 from .solver.newton import Newton
 from .solver.solver import Solver
 from .terms.absorbing import ViscoelasticBoundary, ViscousBoundary
@@ -66,7 +66,6 @@ __all__ = [
     "MPM",
     "PAPER",
     "AccelerationCorrection",
-    "Balance",
     "Checkpoint",
     "Contact",
     "Contribution",
@@ -91,6 +90,7 @@ __all__ = [
     "Probe",
     "QuasiStatic",
     "Recorder",
+    "Repartition",
     "RunError",
     "Series",
     "Simulation",

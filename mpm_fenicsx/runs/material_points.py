@@ -42,7 +42,6 @@ from ..terms.meeting_supports import refuse_disagreement
 from ..terms.reach import check_reach, partly_filled, refuse_overlaps
 from ..terms.scene import Scene
 from .b_bar_checks import warn_of_points
-from .balance import Balance, Balancer, divide
 from .identity import described
 from .options import (
     InitialAcceleration,
@@ -56,6 +55,7 @@ from .options import (
     warn_of_courant,
 )
 from .redistribution import weights
+from .repartitioning import Repartition, Repartitioner, divide
 from .run import Run
 from .scene_checks import bodies_of
 
@@ -69,6 +69,7 @@ class Simulation(Run):
     ``solver``: how the equations of a step are solved.
     ``initial_acceleration``: that of the balance of forces, unless points are given one (what
     another run has left is not given), or zero as in the paper.
+    ``repartition``: when the grid is cut anew among several ranks; never, if None.
     ``print(run)`` says what was chosen.
     ``old``: arguments of releases before, with a ``DeprecationWarning``.
 
@@ -84,7 +85,7 @@ class Simulation(Run):
         mapping: PointMapping = DM_GC,
         solver: Solver | None = None,
         initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
-        balance: Balance | None = None,
+        repartition: Repartition | None = None,
         **old,
     ):
         if bodies is None and "points" in old:
@@ -109,7 +110,7 @@ class Simulation(Run):
         # as bodies are at the start: what hangs on these must not change when the grid is divided
         self._bound_for_rest: bool | None = None
         self._nodes: int | None = None
-        self.balancer = None if balance is None else Balancer(balance)
+        self.repartitioner = None if repartition is None else Repartitioner(repartition)
         self.build(self._check)
 
     def build(self, check: Callable[[], None] = lambda: None) -> None:
@@ -190,8 +191,8 @@ class Simulation(Run):
     def _check(self) -> None:
         """Refuse, or warn of, what the bodies and the terms together cannot be."""
         grid, scene = self.grid, self.scene
-        if self.balancer is not None:
-            self.balancer.check(scene)
+        if self.repartitioner is not None:
+            self.repartitioner.check(scene)
         refuse_disagreement(scene)
         refuse_overlaps(grid, self.bodies, self.cells)
         check_reach(scene, self.bodies, self.cells, self.stencils)
@@ -471,8 +472,8 @@ class Simulation(Run):
             for name, value in body.items()
         }
         given = {f"properties/{name}": value for name, value in self.properties.state().items()}
-        balance = {} if self.balancer is None else {"balance": self.balancer.memory}
-        return {**super().state(), **found, **given, **balance}
+        more = {} if self.repartitioner is None else {"repartition": self.repartitioner.memory}
+        return {**super().state(), **found, **given, **more}
 
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Take the values of ``state``; on several ranks points may have moved since."""
@@ -491,8 +492,8 @@ class Simulation(Run):
         """How the arrays of ``state`` lie on the ranks."""
         found = {name: Spread.ROWS for name in self.state() if name.startswith("bodies/")}
         given = {f"properties/{name}": Spread.CELLS for name in self.properties.state()}
-        balance = {} if self.balancer is None else {"balance": Spread.ALIKE}
-        return {**super().spread(), **found, **given, **balance}
+        more = {} if self.repartitioner is None else {"repartition": Spread.ALIKE}
+        return {**super().spread(), **found, **given, **more}
 
     def clouds(self) -> dict[str, int]:
         """Bodies and surfaces by their names in ``state``, and how many of their points in a row
@@ -504,8 +505,8 @@ class Simulation(Run):
 
         Raises as ``Run.step`` does.
         """
-        if self.balancer is not None:
-            self.balancer.look(self)
+        if self.repartitioner is not None:
+            self.repartitioner.look(self)
         super().step()
 
     def divide(self, weight: np.ndarray) -> None:

@@ -18,7 +18,7 @@ AGAIN = 1.1
 
 
 @dataclass(frozen=True)
-class Balance:
+class Repartition:
     """When the ranks' work counts as uneven, and what it is made of.
 
     A material point counts 1, a cell with material in it, or beside one, ``cell``; imbalance is
@@ -43,32 +43,32 @@ class Balance:
             raise ValueError(f"cell must be at least 0 points' worth, got {self.cell}")
 
 
-class Balancer:
+class Repartitioner:
     """Follows the imbalance of a run; ``memory`` (2,): what the last division has left, and how
     many there were."""
 
-    def __init__(self, balance: Balance):
-        an_object("balance", balance, Balance, "Balance()")
-        self.balance, self.memory = balance, np.array([1.0, 0.0])
+    def __init__(self, repartition: Repartition):
+        an_object("repartition", repartition, Repartition, "Repartition()")
+        self.when, self.memory = repartition, np.array([1.0, 0.0])
 
     def check(self, scene) -> None:
         """Raise ``ValueError`` for what cannot go to other ranks with the grid."""
         held = next((p for p in scene.patches if p.on_the_mesh), None)
         if held is not None:
             raise ValueError(
-                f"balance: the load on {held} is a field on the grid's mesh, and is lost when the "
-                "grid is divided anew: give a function of time and place"
+                f"repartition: the load on {held} is a field on the grid's mesh, and is lost when "
+                "the grid is divided anew: give a function of time and place"
             )
 
     def look(self, run) -> None:
         """Divide the run's grid anew if that is due.  Collective."""
         comm = run.grid.comm
-        if comm.size == 1 or run.steps % self.balance.every:
+        if comm.size == 1 or run.steps % self.when.every:
             return
-        weight = work(run, self.balance.cell)
-        if imbalance(comm, weight) > max(self.balance.above, AGAIN * self.memory[0]):
+        weight = work(run, self.when.cell)
+        if imbalance(comm, weight) > max(self.when.above, AGAIN * self.memory[0]):
             run.divide(weight)
-            left = imbalance(run.grid.comm, work(run, self.balance.cell))
+            left = imbalance(run.grid.comm, work(run, self.when.cell))
             self.memory[:] = left, self.memory[1] + 1
 
 

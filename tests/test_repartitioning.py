@@ -1,6 +1,6 @@
 """A grid that is divided anew in mid-run computes what one rank computes, and goes on bit for bit.
 
-As a script: ``mpiexec -n N python test_balance.py out``.
+As a script: ``mpiexec -n N python test_repartitioning.py out``.
 """
 
 import json
@@ -16,11 +16,11 @@ from test_restart_on_ranks import CLAY, EXACT, SOFT, STRETCHED
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.points.location import numbers_of
-from mpm_fenicsx.runs.balance import imbalance, work
+from mpm_fenicsx.runs.repartitioning import imbalance, work
 
 STEPS, HALF = 24, 14
 LAWS = {"elastic": SOFT, "von Mises": CLAY, "finite von Mises": STRETCHED}
-BALANCE = mpm.Balance(above=1.2, every=5)
+ANEW = mpm.Repartition(above=1.2, every=5)
 TOLERANCE = 1e-9
 
 
@@ -37,7 +37,7 @@ def scene(law):
         mpm.ViscousBoundary(body.surface("left"), SOFT),
         mpm.ViscoelasticBoundary(body.surface("top"), SOFT, 3.0),
     ]
-    run = mpm.Simulation(grid, body, mpm.Newmark(5e-3), terms, solver=EXACT, balance=BALANCE)
+    run = mpm.Simulation(grid, body, mpm.Newmark(5e-3), terms, solver=EXACT, repartition=ANEW)
     run.record(mpm.Probe("velocity", (1.2, 0.6)))
     run.record(mpm.Probe("displacement", (1.2, 0.6)))
     run.record(mpm.Energy())
@@ -51,7 +51,7 @@ def found(law, folder) -> dict:
     number = body.number
     if number is None:  # on one rank, where rows stay
         number = numbers_of(run.grid, body.x, run.grid.find(body.x))
-    first = imbalance(run.grid.comm, work(run, BALANCE.cell))
+    first = imbalance(run.grid.comm, work(run, ANEW.cell))
     keep = run.record(mpm.Checkpoint(folder / "state.npz", every=HALF))
     for _ in range(STEPS):
         run.step()
@@ -80,8 +80,8 @@ def found(law, folder) -> dict:
         "fields": [values[order].tolist() for values in fields],
         "series": [recorder.values.tolist() for recorder in run.recorders],
         "bit for bit": bool(comm.allreduce(int(here)) == comm.size),
-        "imbalance": [first, imbalance(comm, work(run, BALANCE.cell))],
-        "divisions": int(run.state()["balance"][1]),
+        "imbalance": [first, imbalance(comm, work(run, ANEW.cell))],
+        "divisions": int(run.state()["repartition"][1]),
     }
 
 
@@ -103,7 +103,7 @@ def divided(tmp_path_factory):
     program = mpiexec()
     if program is None:
         pytest.skip("no mpiexec beside Python or on PATH")
-    out = tmp_path_factory.mktemp("balance") / "out.json"
+    out = tmp_path_factory.mktemp("anew") / "out.json"
     command = [program, "-n", "2", sys.executable, "-m", "mpi4py", __file__, str(out)]
     done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
@@ -121,7 +121,7 @@ def test_a_grid_divided_anew_computes_the_same(law, serial, divided):
 @pytest.mark.parametrize("law", LAWS)
 def test_work_is_even_then(law, divided):
     before, after = divided[law]["imbalance"]
-    assert before > 1.5 and after < BALANCE.above
+    assert before > 1.5 and after < ANEW.above
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -137,9 +137,9 @@ def test_it_goes_on_bit_for_bit_from_a_checkpoint(law, divided):
         ({"cell": -1.0}, "cell must be at least 0 points' worth, got -1.0"),
     ],
 )
-def test_what_is_no_balance_is_refused(given, words):
+def test_what_is_none_is_refused(given, words):
     with pytest.raises(ValueError, match=words):
-        mpm.Balance(**given)
+        mpm.Repartition(**given)
 
 
 def test_a_field_on_the_mesh_is_refused():
@@ -148,8 +148,10 @@ def test_a_field_on_the_mesh_is_refused():
     grid = mpm.Grid.box((0.0, 0.0), (1.0, 1.0), (2, 2))
     body = mpm.MaterialPoints.fill(grid, SOFT, 4, lambda x: x[1] < 2.0)
     load = mpm.Traction(grid.facets("top"), fem.Function(grid.space))
-    with pytest.raises(ValueError, match=r"balance: the load on the facets .* is a field on the"):
-        mpm.Simulation(grid, body, mpm.Newmark(1e-3), [load], balance=BALANCE)
+    with pytest.raises(
+        ValueError, match=r"repartition: the load on the facets .* is a field on the"
+    ):
+        mpm.Simulation(grid, body, mpm.Newmark(1e-3), [load], repartition=ANEW)
 
 
 if __name__ == "__main__":
