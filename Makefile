@@ -27,7 +27,7 @@ export OMPI_ALLOW_RUN_AS_ROOT_CONFIRM := 1
 endif
 
 # The search for a Python takes a moment, so it is made only for goals that use the answer.
-ifneq ($(filter setup demo foundation test validate speed bench lint docs linkcheck,$(MAKECMDGOALS)),)
+ifneq ($(filter setup demo foundation test test-ranks validate speed bench lint docs linkcheck,$(MAKECMDGOALS)),)
 ifndef DOLFINX
 DOLFINX := $(shell PYTHON="$(PYTHON)" sh scripts/setup.sh mode)
 endif
@@ -49,8 +49,8 @@ PY = env PATH="$(dir $(SYSTEM_PYTHON)):$$PATH" PYTHONNOUSERSITE=1 \
 RUFF = ruff
 endif
 
-.PHONY: help setup demo foundation test test-apt validate speed bench lint docs linkcheck \
-	check-apt only-in-venv clean distclean
+.PHONY: help setup demo foundation test test-apt test-ranks validate speed bench lint docs \
+	linkcheck check-apt only-in-venv clean distclean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' Makefile
@@ -73,6 +73,9 @@ test: $(READY) ## run the tests
 
 test-apt: ## run the tests on Debian's DOLFINx, with /usr/bin/python3
 	@$(MAKE) test DOLFINX=apt
+
+test-ranks: $(READY) ## run more scenes on two, three and four processes (5 minutes)
+	@$(PY) -m pytest -m ranks $(ARGS)
 
 validate: $(READY) ## run the long cases with exact or published answers (20 minutes)
 	@$(PY) -m pytest -m validation tests/validation tests/test_ranks.py tests/test_migration.py \

@@ -1,13 +1,12 @@
 """P and S waves in a column in 3D, held to the exact answer and to the column in plane strain."""
 
 import json
-import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 import column_3d
@@ -85,22 +84,12 @@ def test_springs_of_the_exact_column_are_those_of_the_boundary():
     assert stiffness == [2 * soil.lame[1] / 20.0, soil.lame[1] / 40.0]
 
 
+@pytest.mark.ranks
 def test_two_ranks_print_once_and_write_the_same_rows(tmp_path):
-    program = mpiexec()
-    if program is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
     options = ["--cells", "1", "--waves", "S", "--bases", "viscous", "--until", "0.24", "--results"]
     rows = column_3d.main([*options, str(tmp_path / "one")])
-    command = [program, "-n", "2", sys.executable, "-m", "mpi4py", column_3d.__file__, *options]
-    done = subprocess.run(
-        [*command, str(tmp_path / "two")],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
-    assert done.stdout.count("figure:") == 1
+    printed = on_ranks(2, column_3d.__file__, *options, tmp_path / "two")
+    assert printed.count("figure:") == 1
     for one, two in zip(
         rows, json.loads((tmp_path / "two" / "column_3d.json").read_text()), strict=True
     ):

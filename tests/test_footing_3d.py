@@ -1,14 +1,13 @@
 """The footing in 3D: against the exact series at rest, and a quarter of it against the whole."""
 
 import json
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "demos"))
 import footing_3d
@@ -151,22 +150,12 @@ def test_clay_flows_under_four_times_its_cohesion():
     assert abs(row["energy_lost"]) < 0.02
 
 
+@pytest.mark.ranks
 def test_the_script_writes_the_same_on_two_ranks(tmp_path):
-    program = mpiexec()
-    if program is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
     options = ["--cells", "1", "--until", "0.04", "--results"]
     found = footing_3d.main([*options, str(tmp_path / "one")])
-    command = [program, "-n", "2", sys.executable, "-m", "mpi4py", footing_3d.__file__, *options]
-    done = subprocess.run(
-        [*command, str(tmp_path / "two")],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
-    assert done.stdout.count("figure:") == 1
+    printed = on_ranks(2, footing_3d.__file__, *options, tmp_path / "two")
+    assert printed.count("figure:") == 1
     several = json.loads((tmp_path / "two" / "footing_3d.json").read_text())
     for part, rows in found.items():
         for one, two in zip(rows, several[part], strict=True):

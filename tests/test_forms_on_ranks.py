@@ -2,14 +2,12 @@
 solved for, ``reuse`` keeps, and a run goes on bit for bit: all of it as on one rank."""
 
 import json
-import subprocess
-import sys
 
 import following
 import numpy as np
 import pytest
 from test_migration import compare
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 
 from mpm_fenicsx.grid import dolfinx_versions
 
@@ -21,17 +19,12 @@ def serial() -> dict:
 
 @pytest.fixture(scope="module", params=[2, 3])
 def several(request, tmp_path_factory) -> dict:
-    program = mpiexec()
-    if program is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
     out = tmp_path_factory.mktemp("ranks") / "out.json"
-    python = [sys.executable, "-m", "mpi4py", following.__file__]
-    command = [program, "-n", str(request.param), *python, str(out)]
-    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=900)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    on_ranks(request.param, following.__file__, out)
     return json.loads(out.read_text())
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("case", list(following.CASES))
 def test_ranks_compute_the_same_and_go_over_as_much(several, serial, case):
     compare(several[case], serial[case])

@@ -48,6 +48,7 @@ def several(request, tmp_path_factory):
     return json.loads((folder / "found.json").read_text()), folder
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("case", STAYING)
 def test_points_that_stay(several, alone, case):
     found, expected = several[0]["staying"][case], alone[0]["staying"][case]
@@ -55,11 +56,13 @@ def test_points_that_stay(several, alone, case):
         assert difference(found[quantity], rows) < 1e-9, quantity
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("case", CROSSING)
 def test_points_that_cross(several, alone, case):
     compare(several[0]["crossing"][case], alone[0]["crossing"][case])
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("read", (ByVTK, ByMeshio))
 def test_what_is_written(several, alone, read):
     _, numbers, one = alone

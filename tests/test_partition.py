@@ -2,8 +2,6 @@
 and a new partition in place."""
 
 import json
-import subprocess
-import sys
 
 from mpi4py import MPI
 
@@ -12,7 +10,7 @@ import partitions
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 
 from mpm_fenicsx import Grid
 from mpm_fenicsx.grid import partition
@@ -109,18 +107,10 @@ print("fine")
 """
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("ranks", [2, 3, 4])
 def test_it_does_not_matter_which_rank_has_which_cell(ranks):
-    if mpiexec() is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
-    done = subprocess.run(
-        [mpiexec(), "-n", str(ranks), sys.executable, "-m", "mpi4py", "-c", SPREAD],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0 and done.stdout.count("fine") == ranks, done.stdout + done.stderr
+    assert on_ranks(ranks, "-c", SPREAD).count("fine") == ranks
 
 
 # -- grids -----------------------------------------------------------------------------------------
@@ -133,21 +123,12 @@ def serial(tmp_path_factory) -> dict:
 
 @pytest.fixture(scope="module", params=[2, 3])
 def several(request, tmp_path_factory) -> dict:
-    if mpiexec() is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
     folder = tmp_path_factory.mktemp("several")
-    python = [sys.executable, "-m", "mpi4py", partitions.__file__]
-    done = subprocess.run(
-        [mpiexec(), "-n", str(request.param), *python, str(folder / "out.json"), str(folder)],
-        env=environment(),
-        capture_output=True,
-        text=True,
-        timeout=300,
-    )
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    on_ranks(request.param, partitions.__file__, folder / "out.json", folder)
     return json.loads((folder / "out.json").read_text())
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("case", partitions.grids(None))
 def test_cells_nodes_facets_and_points_are_those_of_one_rank(several, serial, case):
     assert sorted(several[case]) == sorted(serial[case])

@@ -4,14 +4,13 @@ As a script: ``mpiexec -n N python test_repartitioning.py out``.
 """
 
 import json
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 from test_restart_on_ranks import CLAY, EXACT, SOFT, STRETCHED
 
 import mpm_fenicsx as mpm
@@ -100,16 +99,12 @@ def serial():
 
 @pytest.fixture(scope="module")
 def divided(tmp_path_factory):
-    program = mpiexec()
-    if program is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
     out = tmp_path_factory.mktemp("anew") / "out.json"
-    command = [program, "-n", "2", sys.executable, "-m", "mpi4py", __file__, str(out)]
-    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=600)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    on_ranks(2, __file__, out)
     return json.loads(out.read_text())
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("law", LAWS)
 def test_a_grid_divided_anew_computes_the_same(law, serial, divided):
     assert serial[law]["divisions"] == 0 and divided[law]["divisions"] > 0
@@ -118,12 +113,14 @@ def test_a_grid_divided_anew_computes_the_same(law, serial, divided):
             assert np.abs(np.subtract(a, b)).max() <= TOLERANCE * np.abs(b).max()
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("law", LAWS)
 def test_work_is_even_then(law, divided):
     before, after = divided[law]["imbalance"]
     assert before > 1.5 and after < ANEW.above
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("law", LAWS)
 def test_it_goes_on_bit_for_bit_from_a_checkpoint(law, divided):
     assert divided[law]["bit for bit"]

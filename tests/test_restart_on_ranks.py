@@ -5,7 +5,6 @@ As a script: ``mpiexec -n N python test_restart_on_ranks.py folder stage`` goes 
 before, and writes checkpoints of this one.
 """
 
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from test_checkpoint import CLAY, SOFT, STRETCHED, elements, place, push, recorded
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 
 import mpm_fenicsx as mpm
 
@@ -99,25 +98,13 @@ def go_on(folder, stage):
 @pytest.fixture(scope="module")
 def end(tmp_path_factory):
     """The folder of the checkpoints after all stages."""
-    program = mpiexec()
-    if program is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
     folder = tmp_path_factory.mktemp("stages")
     for stage, ranks in enumerate(STAGES):
-        done = subprocess.run(
-            [
-                *(program, "-n", str(ranks), sys.executable, "-m", "mpi4py", __file__),
-                *(str(folder), str(stage)),
-            ],
-            env=environment(),
-            capture_output=True,
-            text=True,
-            timeout=600,
-        )
-        assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+        on_ranks(ranks, __file__, folder, stage)
     return folder
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("name", SCENES)
 def test_other_ranks_go_on(name, end, tmp_path):
     run = recorded(SCENES[name]())

@@ -2,8 +2,6 @@
 that PETSc's options reach them."""
 
 import json
-import subprocess
-import sys
 import warnings
 
 import inside
@@ -11,7 +9,7 @@ import numpy as np
 import pytest
 import solving
 from petsc4py import PETSc
-from test_ranks import environment, mpiexec
+from test_ranks import on_ranks
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.solver import solver_choice
@@ -32,17 +30,12 @@ def serial() -> dict:
 
 @pytest.fixture(scope="module", params=[2, 3, 4])
 def several(request, tmp_path_factory) -> dict:
-    program = mpiexec()
-    if program is None:
-        pytest.skip("no mpiexec beside Python or on PATH")
     out = tmp_path_factory.mktemp("ranks") / "out.json"
-    python = [sys.executable, "-m", "mpi4py", solving.__file__, str(out)]
-    command = [program, "-n", str(request.param), *python]
-    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=900)
-    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-4000:]
+    on_ranks(request.param, solving.__file__, out)
     return json.loads(out.read_text())
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("case", JACOBI_CASES)
 def test_jacobi_takes_as_many_iterations_on_any_number_of_ranks(several, serial, case):
     assert several[case]["kind"] == ["gmres" if "unsymmetric" in case else "cg", "jacobi"]
@@ -51,6 +44,7 @@ def test_jacobi_takes_as_many_iterations_on_any_number_of_ranks(several, serial,
     assert several[case]["rescues"] == serial[case]["rescues"] == 0
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("case", [*JACOBI_CASES, "2D stiff", "3D stiff"])
 def test_points_carry_the_same_numbers(several, serial, case):
     dim = int(case[0])
@@ -60,6 +54,7 @@ def test_points_carry_the_same_numbers(several, serial, case):
         assert np.abs(a[:, columns] - b[:, columns]).max() < 1e-9 * size
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("dim", [2, 3])
 def test_what_a_run_says_of_its_solver_is_the_same_on_all_ranks(several, serial, dim):
     case = several[f"{dim}D as it comes"]
@@ -131,6 +126,7 @@ def test_another_step_may_want_another_solver(monkeypatch):
 # -- statics ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks
 @pytest.mark.parametrize("kind", solving.AT_REST)
 @pytest.mark.parametrize("dim", [2, 3])
 def test_multigrid_on_ranks_brings_bodies_to_the_rest_of_a_factor(several, serial, dim, kind):
