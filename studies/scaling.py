@@ -4,7 +4,7 @@ worth, and where that leads to on a cluster.
     network   a small and a large message between two ranks, a sum over all
     strong    a block at Courant 1, DM-GC, elastic, on one rank and on several, which take turns
     weak      as many points a rank on one rank and on several
-    moving    the block slides 0.3 cells a step and its points go from rank to rank
+    moving    the block slides 0.1 cells a step and its points go from rank to rank
     balance   a column collapses on a slope, with ``Balance`` and without; CPU time of the slowest
               rank, for who waits does no work
     model     constants of ``scaling_model``, and a step with 1e9 points on 1,000 ranks
@@ -46,12 +46,12 @@ WATCHED = 10  # steps whose messages are counted: points cross a line of the gri
 SIZES = {  # cells of the block along each direction, by kind and dimension
     "strong": {2: (384, 256), 3: (40, 20, 20)},
     "weak": {2: (96, 64), 3: (20, 10, 10)},
-    "moving": {2: (96, 64), 3: (20, 10, 10)},
+    "moving": {2: (96, 64), 3: (40, 10, 10)},
 }
 QUICK = {
     "strong": {2: (96, 64), 3: (16, 8, 8)},
     "weak": {2: (32, 24), 3: (8, 4, 4)},
-    "moving": {2: (32, 24), 3: (8, 4, 4)},
+    "moving": {2: (32, 24), 3: (16, 8, 8)},
 }
 CELL, END = 0.125, 2.5  # m, s: of the collapse
 KEYS = ("kind", "dim", "counts", "cell", "ranks", "quick")
@@ -299,7 +299,7 @@ def main(arguments=None) -> list[dict]:
     report.write(path, rows)
     scaling_report.figure(rows, chosen.results / "scaling.png")
     for table in scaling_report.tables(rows):
-        Console(width=120).print(table)
+        Console(width=150).print(table)
     return rows
 
 

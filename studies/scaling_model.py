@@ -2,12 +2,14 @@
 where it leads to on a cluster.
 
     T(n, N, d) = t₀ + b k [N/n t_point + C/n (t_cell + I t_iteration)]      own work
+                 + t₁                                                       of several ranks alone
                  + s (B₀ + I B₁) / bandwidth + m (M₀ + I M₁) latency        edges of ranks
                  + (R₀ + I R₁) log₂(n) t_level                              sums over ranks
 
 N points in C = N / 2^d cells; I iterations of the solver; s nodes on the edge of a rank, 2d
 (C/n)^((d-1)/d) of a cube; m neighbours; b balance, the fullest rank over the mean; k crowding, what
-cores of one machine take longer because they share its memory.
+cores of one machine take longer because they share its memory; t₀ and t₁ are there whatever the
+size.
 """
 
 from __future__ import annotations
@@ -50,6 +52,7 @@ class Constants:
     messages_iteration: float
     sums_step: float
     sums_iteration: float
+    several: float = 0.0
     crowding: float = 1.0
 
 
@@ -81,7 +84,7 @@ def seconds(
     messages = neighbours * (of.messages_step + i * of.messages_iteration)
     sums = of.sums_step + i * of.sums_iteration
     return {
-        "own work": of.fixed + balance * of.crowding * work,
+        "own work": of.fixed + of.several + balance * of.crowding * work,
         "edges": sent / network["bytes_a_second"] + messages * network["latency_s"],
         "sums": sums * np.log2(ranks) * network["level_s"],
     }
@@ -96,16 +99,16 @@ def largest(rows: list[dict], kind: str, dim: int | None = None) -> dict:
 def constants(rows: list[dict], dim: int) -> Constants:
     """What the rows say: seconds of the block on one rank with Jacobi's preconditioner, what of
     them does not grow with the block from the smaller one of "weak"; bytes, messages and sums from
-    two ranks; crowding is what two ranks take beyond all that."""
+    two ranks; crowding, and what several ranks take whatever the size, from the steps of two."""
     strong, weak = largest(rows, "strong", dim), largest(rows, "weak", dim)
-    alone, several = (strong["runs"][name] for name in ("1, Jacobi", "2"))
-    volume, points = several["volume"], strong["points"]
-    cells, i = points / 2**dim, volume["iterations"]
-    best = strong["runs"][strong["best"]]["wall"]
-    fixed = max(0.0, weak["runs"]["1"]["wall"] - weak["points"] * best / points)
+    alone, volume = strong["runs"]["1, Jacobi"], strong["runs"]["2"]["volume"]
+    points, i = strong["points"], volume["iterations"]
+    cells = points / 2**dim
+    fixed = weak["runs"]["1, Jacobi"]["wall"] - weak["points"] * alone["wall"] / points
+    fixed = max(0.0, fixed / (1.0 - weak["points"] / points))
     grows = 1.0 - fixed / alone["wall"]
-    nodes, beside = volume["boundary_nodes"], volume["neighbours"]
-    found = Constants(
+    nodes = volume["boundary_nodes"]
+    plain = Constants(
         dim,
         i,
         fixed,
@@ -115,13 +118,28 @@ def constants(rows: list[dict], dim: int) -> Constants:
         (volume["fields"] + volume["matrix"]) / nodes,
         volume["solver"] / i / nodes,
         volume["field_passes"],
-        volume["solver_messages"] / i / beside,
+        volume["solver_messages"] / i / volume["neighbours"],
         volume["other_sums"],
         volume["solver_sums"] / i,
     )
-    parts = seconds(found, points, 2, of_network(rows), several["imbalance"], nodes, beside)
-    over = several["wall"] - sum(parts.values())
-    return replace(found, crowding=max(1.0, 1.0 + over / (parts["own work"] - fixed)))
+    work, more = zip(*(_beyond(plain, rows, row) for row in (strong, weak)), strict=True)
+    crowding = max(1.0, (more[0] - more[1]) / (work[0] - work[1]))
+    return replace(plain, crowding=crowding, several=max(0.0, more[1] - crowding * work[1]))
+
+
+def _beyond(of: Constants, rows: list[dict], row: dict) -> tuple[float, float]:
+    """Seconds of own work on two ranks as the model has it, and what of the measured step is
+    neither fixed nor sent."""
+    parts = on_two(of, rows, row)
+    own = parts["own work"] - of.fixed
+    return own, row["runs"]["2"]["wall"] - of.fixed - parts["edges"] - parts["sums"]
+
+
+def on_two(of: Constants, rows: list[dict], row: dict) -> dict[str, float]:
+    """The model's step of a case that two ranks have run here, on the edge that they had."""
+    run = row["runs"]["2"]
+    edge = run["volume"]["boundary_nodes"], run["volume"]["neighbours"]
+    return seconds(of, sum(run["points"]), 2, of_network(rows), run["imbalance"], *edge)
 
 
 def of_network(rows: list[dict]) -> dict[str, float]:
@@ -141,6 +159,11 @@ def projection(rows: list[dict]) -> dict:
     """The constants, seconds of steps on the cluster, and what ends first there."""
     of = {dim: constants(rows, dim) for dim in (2, 3)}
     memory = {dim: bytes_a_point(rows, dim) for dim in of}
+    check = {}
+    for dim, one in of.items():
+        row = largest(rows, "moving", dim)
+        modelled = sum(on_two(one, rows, row).values())
+        check[f"moving {dim}D"] = modelled / row["runs"]["2"]["wall"]
     steps = []
     for ranks in np.unique(np.geomspace(30, 300_000, 25).round()).astype(int).tolist():
         parts = seconds(of[3], MANY, ranks, CLUSTER, BALANCE)
@@ -149,6 +172,7 @@ def projection(rows: list[dict]) -> dict:
     alone = sum(seconds(of[3], MANY, 1, CLUSTER).values()) / RANKS
     return {
         "constants": [asdict(one) for one in of.values()],
+        "modelled_over_measured": check,
         "assumed": {**CLUSTER, "balance": BALANCE},
         "bytes_a_point": {str(dim): bytes_ for dim, bytes_ in memory.items()},
         "points": MANY,

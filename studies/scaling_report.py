@@ -109,7 +109,14 @@ def tables(rows: list[dict]) -> Iterator[Table]:
     for of in model["constants"]:
         for name, value in of.items():
             rest.add_row(f"{of['dim']}D {name}", f"{value:.3g}")
-    for name in ("parts", "efficiency", "bytes_a_point", "bytes_a_rank", "least_ranks"):
+    for name in (
+        "modelled_over_measured",
+        "parts",
+        "efficiency",
+        "bytes_a_point",
+        "bytes_a_rank",
+        "least_ranks",
+    ):
         rest.add_row(name, f"{model[name]}")
     yield rest
 

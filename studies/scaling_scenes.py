@@ -11,8 +11,8 @@ import mpm_fenicsx as mpm
 from mpm_fenicsx.scenes.pressed_block import pulse, soil
 
 H = 0.0625  # m, a cell of the block
-SPEED = 0.3  # of a cell that the sliding block moves in a step
-ROOM = 24  # cells that it has for that
+SPEED = 0.1  # of a cell that the sliding block moves in a step
+ROOM = 12  # cells that it has for that
 CLAY = 20e3 / np.sqrt(3)  # Pa, yield stress in shear
 SLOPE, G = 0.25, 10.0  # of the ground; m/s²
 STEP = 0.01  # s, of the collapse
