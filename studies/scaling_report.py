@@ -156,8 +156,10 @@ def _gains(ax, rows: list[dict]) -> None:
             + (" a rank" if row["kind"] == "weak" else ""),
         )
     ax.plot([1, most], [1, most], color=GREY, linestyle=":", label="ideal")
-    ax.set(xlabel="ranks", ylabel="gain over one rank's own best", xticks=range(1, most + 1))
-    ax.set_title("The same step on more ranks")
+    ax.set(
+        xlabel="ranks", ylabel="work in a second, over one rank's best", xticks=range(1, most + 1)
+    )
+    ax.set_title("Steps on several ranks")
     ax.legend(fontsize=7)
 
 

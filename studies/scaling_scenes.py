@@ -14,10 +14,10 @@ H = 0.0625  # m, a cell of the block
 SPEED = 0.1  # of a cell that the sliding block moves in a step
 ROOM = 12  # cells that it has for that
 CLAY = 20e3 / np.sqrt(3)  # Pa, yield stress in shear
-SLOPE, G = 0.25, 10.0  # of the ground; m/s²
+SLOPE, G = -0.25, 10.0  # of the ground, down to the left; m/s²
 STEP = 0.01  # s, of the collapse
-LENGTH, HEIGHT = 32.0, 10.0  # of the grid of the collapse
-COLUMN = (10.0, 18.0, 8.0)  # its sides and its top: three quarters lie in the left half of the grid
+LENGTH, HEIGHT = 40.0, 10.0  # of the grid of the collapse
+COLUMN = (14.0, 22.0, 8.0)  # its sides and its top: three quarters lie in the left half of the grid
 JACOBI = {"pc_type": "jacobi", "ksp_max_it": 600}
 
 

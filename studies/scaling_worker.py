@@ -166,7 +166,7 @@ class Served:
     def volume(self, count: int) -> dict:
         """What a step of so many sends, of the rank that sends most: bytes of fields between ghosts
         and their owners, of the matrix, of the solver's vectors and of points; messages of PETSc;
-        sums over all ranks, the solver's and the others."""
+        sums over all ranks, the solver's and the others; iterations of a step of one solve."""
         run, grid = self.run, self.run.grid
         sent = defaultdict(float)
         grid.comm = counted = Counted(grid.comm)
@@ -197,8 +197,10 @@ class Served:
             name: PETSc.Log.Event(name) for name in ("KSPSolve", "MatAssemblyBegin", *REDUCTIONS)
         }
         before = {name: event.getPerfInfo() for name, event in events.items()}
+        iterations = 0
         for _ in range(count):
             run.step()
+            iterations += run.iterations
         after = {name: event.getPerfInfo() for name, event in events.items()}
         for name, call in plain.items():
             setattr(dolfinx_versions, name, call)
@@ -223,7 +225,7 @@ class Served:
             return {}
         return {
             **{name: max(one[name] for one in of_ranks) for name in found},
-            "iterations": run.iterations,
+            "iterations": iterations / count,
         }
 
     def network(self) -> dict:
