@@ -42,7 +42,6 @@ SHARING = {  # where ranks share cores, or CPU time counts: who waits sleeps, or
     "OMPI_MCA_mpi_yield_when_idle": "1",
     "OMPI_MCA_hwloc_base_binding_policy": "none",
 }
-BUSY = False  # the machine does other work
 BLOCK, WARM = 3, 1  # steps in a turn; turns before the clock counts
 WATCHED = 10  # steps whose messages are counted: points cross a line of the grid in some of them
 SIZES = {  # cells of the block along each direction, by kind and dimension
@@ -85,7 +84,12 @@ def environment(sharing: bool) -> dict[str, str]:
 
 
 class Ranks:
-    """A scene on so many ranks, in processes of their own; see ``scaling_worker``."""
+    """A scene on so many ranks, in processes of their own; see ``scaling_worker``.
+
+    ``sharing``: who waits sleeps; so it is wherever the machine is ``busy``, or has fewer cores.
+    """
+
+    busy = False
 
     def __init__(self, count: int, sharing: bool = False, **scene):
         cores = len(os.sched_getaffinity(0))
@@ -97,7 +101,7 @@ class Ranks:
             stdout=subprocess.PIPE,
             stderr=self._words,
             text=True,
-            env=environment(sharing or BUSY or count > cores),
+            env=environment(sharing or self.busy or count > cores),
         )
 
     def ask(self, do: str, **what):
@@ -114,7 +118,11 @@ class Ranks:
         """No more orders."""
         with suppress(BrokenPipeError):
             self.process.stdin.close()
-        self.process.wait()
+        try:
+            self.process.wait(timeout=60)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
         self.process.stdout.close()
         self._words.close()
 
@@ -288,8 +296,7 @@ def main(arguments=None) -> list[dict]:
     import scaling_model
     import scaling_report
 
-    global BUSY
-    BUSY = chosen.busy
+    Ranks.busy = chosen.busy
     path, todo = chosen.results / "scaling.json", cases(chosen.quick, chosen.ranks)
     rows = json.loads(path.read_text()) if path.exists() and not chosen.again else []
     rows = [row for row in rows if any(same(row, case) for case in todo)]

@@ -160,7 +160,7 @@ def _gains(ax, rows: list[dict]) -> None:
         xlabel="ranks", ylabel="work in a second, over one rank's best", xticks=range(1, most + 1)
     )
     ax.set_title("Steps on several ranks")
-    ax.legend(fontsize=7)
+    ax.legend(fontsize=7, loc="lower right")
 
 
 def _imbalance(ax, row: dict) -> None:

@@ -69,6 +69,16 @@ for _name in ("allreduce", "Allreduce", "allgather", "bcast", "Alltoall"):
     setattr(Counted, _name, _counting(_name))
 
 
+class BillOfRanks(Bill):
+    """Seconds of each piece, with ``migrate``: where points belong, and the way there."""
+
+    def __init__(self, run):
+        super().__init__(run)
+        if run.migration is not None:
+            for name in ("destinations", "send"):
+                self._watch(run.migration, name, "migrate")
+
+
 class Served:
     """A run on this rank, and what can be asked of it.  Every method is collective."""
 
@@ -83,10 +93,7 @@ class Served:
             self.build = time.perf_counter() - began
             if scene.get("sliding") and comm.size > 1:
                 self.run.divide(work(self.run, mpm.Balance().cell))
-            self.bill = Bill(self.run)
-            if self.run.migration is not None:
-                for name in ("destinations", "send"):
-                    self.bill._watch(self.run.migration, name, "migrate")
+            self.bill = BillOfRanks(self.run)
         elif kind == "collapse":
             collapse(2.0, None).step()  # what is compiled is loaded
             self.run = collapse(scene["cell"], mpm.Balance(every=5) if scene["balance"] else None)

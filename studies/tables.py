@@ -9,11 +9,13 @@ of them; ``tests/test_tables.py`` holds that they are those of results/.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 HOME = Path(__file__).parents[1]
+RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 MARK = re.compile(r"(<!-- table: (\w+) -->\n\n)((?:\|[^\n]*\n)*)")
 
 
@@ -218,7 +220,7 @@ def balance() -> str:
     for name, series in row["series"].items():
         uneven = [at["imbalance"] for at in series]
         divided = row["divisions"] if name == "with" else []
-        times = ", ".join(f"{one['step']}" for one in divided)
+        times = ", ".join(f"{1 + one['step']}" for one in divided)
         body.append(
             [
                 f"{name} `Balance`",
@@ -234,7 +236,7 @@ def balance() -> str:
 def pays() -> str:
     """What a division costs, and when it is worth that."""
     found = [
-        [f"block, {name}", f"{run['division']['wall'] / run['wall']:.0f}", ""]
+        [f"block, {name}", f"{run['division']['wall'] / run['wall']:.0f}", "even"]
         for name, row in of_ranks()
         for n, run in row["runs"].items()
         if n == "2" and row["kind"] != "moving"
@@ -258,7 +260,8 @@ def projection() -> str:
         ["memory a rank, GB", f"{model['bytes_a_rank'] / 1e9:.1f}"],
         ["ranks of 4 GB that are needed", f"{model['least_ranks']:.0f}"],
     ]
-    return markdown((f"{model['points']:.0e} points in 3D on {model['ranks']:,} ranks", ""), body)
+    points = "10" + str(round(math.log10(model["points"]))).translate(RAISED)
+    return markdown((f"{points} points in 3D on {model['ranks']:,} ranks", ""), body)
 
 
 TABLES: dict[str, Callable[[], str]] = {
