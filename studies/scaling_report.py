@@ -123,7 +123,7 @@ def tables(rows: list[dict]) -> Iterator[Table]:
 
 def figure(rows: list[dict], path: Path) -> None:
     """Gains on several ranks; imbalance over time; a step on a cluster."""
-    fig, axes = report.subplots(1, 3, figsize=(13, 4.0))
+    fig, axes = report.subplots(1, 3, figsize=(13, 4.8))
     _gains(axes[0], rows)
     _imbalance(axes[1], one(rows, "balance"))
     _projection(axes[2], one(rows, "model"))
@@ -159,8 +159,9 @@ def _gains(ax, rows: list[dict]) -> None:
     ax.set(
         xlabel="ranks", ylabel="work in a second, over one rank's best", xticks=range(1, most + 1)
     )
+    ax.set_ylim(bottom=0.0)
     ax.set_title("Steps on several ranks")
-    ax.legend(fontsize=7, loc="lower right")
+    ax.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2)
 
 
 def _imbalance(ax, row: dict) -> None:
