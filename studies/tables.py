@@ -9,11 +9,13 @@ of them; ``tests/test_tables.py`` holds that they are those of results/.
 from __future__ import annotations
 
 import json
+import math
 import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
 HOME = Path(__file__).parents[1]
+RAISED = str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹")
 MARK = re.compile(r"(<!-- table: (\w+) -->\n\n)((?:\|[^\n]*\n)*)")
 
 
@@ -135,8 +137,139 @@ def peers() -> str:
     return markdown((*heads, "error of the pressure, Kratos", "DM-GC"), body)
 
 
+def of_ranks() -> list[tuple[str, dict]]:
+    """Names and rows of the blocks that ``scaling`` has run on one rank and on several."""
+    names = {
+        "strong": "as many points",
+        "weak": "as many points a rank",
+        "moving": "the same, sliding",
+    }
+    found = rows("scaling")
+    return [
+        (f"{name}, {row['dim']}D", row)
+        for kind, name in names.items()
+        for row in found
+        if row["kind"] == kind
+    ]
+
+
+def ranks() -> str:
+    """A step on one rank, with its better solver, and on several, in turns."""
+    body = []
+    for name, row in of_ranks():
+        alone = row["runs"][row["best"]]
+        for n, (ratio, *_) in row["ratios"].items():
+            run = row["runs"][n]
+            more = int(n) if row["kind"] == "weak" else 1
+            gains = [more * ratio, more * row["ratios_jacobi"][n][0]]
+            body.append(
+                [
+                    name,
+                    f"{sum(run['points']):,}",
+                    n,
+                    *(
+                        f"{1e3 * at['wall']:.{1 if at['wall'] < 0.1 else 0}f}"
+                        for at in (alone, run)
+                    ),
+                    *(f"{gain:.2f}" for gain in gains),
+                    f"{row['runs']['1']['iterations']}, {row['runs']['1, Jacobi']['iterations']}",
+                    f"{run['iterations']}",
+                    f"{100 * run['pieces']['migrate'] / run['wall']:.1f} %",
+                ]
+            )
+    heads = (
+        "scene",
+        "points",
+        "ranks",
+        "one rank, ms",
+        "several, ms",
+        "gain",
+        "over Jacobi on one",
+    )
+    more = ("iterations, ICC and Jacobi on one", "several", "migration, of the step")
+    return markdown((*heads, *more), body)
+
+
+def messages() -> str:
+    """What the rank that sends most sends in a step."""
+    body = []
+    for name, row in of_ranks():
+        for n in row["ratios"]:
+            volume = row["runs"][n]["volume"]
+            sent = [volume[what] for what in ("fields", "matrix", "solver", "points")]
+            nodes = volume["boundary_nodes"]
+            body.append(
+                [
+                    name,
+                    n,
+                    f"{nodes:.0f}",
+                    *(f"{one / 1e3:.1f}" for one in sent),
+                    f"{sum(sent) / nodes / 1e3:.1f}",
+                    f"{volume['other_sums']:.0f} + {volume['solver_sums']:.0f}",
+                    f"{row['runs'][n]['imbalance']:.2f}",
+                ]
+            )
+    heads = ("scene", "ranks", "nodes on its edge", "fields, kB", "matrix", "solver", "points")
+    return markdown((*heads, "a node, kB", "sums, others + solver's", "imbalance"), body)
+
+
+def balance() -> str:
+    """The collapse with and without ``Balance``."""
+    row = next(row for row in rows("scaling") if row["kind"] == "balance")
+    body = []
+    for name, series in row["series"].items():
+        uneven = [at["imbalance"] for at in series]
+        divided = row["divisions"] if name == "with" else []
+        times = ", ".join(f"{1 + one['step']}" for one in divided)
+        body.append(
+            [
+                f"{name} `Balance`",
+                f"{sum(uneven) / len(uneven):.2f}",
+                f"{max(uneven):.2f}",
+                f"{1e3 * row['cpu'][name]:.0f}",
+                f"{len(divided)}" + (f" (before step {times})" if divided else ""),
+            ]
+        )
+    return markdown(("run", "mean imbalance", "largest", "CPU ms a step", "divisions"), body)
+
+
+def pays() -> str:
+    """What a division costs, and when it is worth that."""
+    found = [
+        [f"block, {name}", f"{run['division']['wall'] / run['wall']:.0f}", "even"]
+        for name, row in of_ranks()
+        for n, run in row["runs"].items()
+        if n == "2" and row["kind"] != "moving"
+    ]
+    row = next(row for row in rows("scaling") if row["kind"] == "balance")
+    steps = [row["division_steps"], row["pays_after_steps"]]
+    body = ["collapse", *("-" if one is None else f"{one:.0f}" for one in steps)]
+    return markdown(("scene", "a division, steps", "pays after steps"), [body, *found])
+
+
+def projection() -> str:
+    """What the model says of a step on a cluster."""
+    model = next(row for row in rows("scaling") if row["kind"] == "model")
+    parts, bytes_ = model["parts"], model["bytes_a_point"]
+    names = {"own work": "own work", "edges": "edges of ranks", "sums": "sums over all ranks"}
+    body = [[f"{names[name]}, s", f"{parts[name]:.2g}"] for name in names]
+    body += [
+        ["the step, s", f"{sum(parts.values()):.2g}"],
+        ["of 1,000 times one rank", f"{100 * model['efficiency']:.0f} %"],
+        ["memory a point, 2D and 3D, kB", f"{bytes_['2'] / 1e3:.1f}, {bytes_['3'] / 1e3:.1f}"],
+        ["memory a rank, GB", f"{model['bytes_a_rank'] / 1e9:.1f}"],
+        ["ranks of 4 GB that are needed", f"{model['least_ranks']:.0f}"],
+    ]
+    points = "10" + str(round(math.log10(model["points"]))).translate(RAISED)
+    return markdown((f"{points} points in 3D on {model['ranks']:,} ranks", ""), body)
+
+
 TABLES: dict[str, Callable[[], str]] = {
-    made.__name__: made for made in (column, foundation, nonlinear, cost, peers)
+    made.__name__: made
+    for made in (
+        *(column, foundation, nonlinear, cost, peers),
+        *(ranks, messages, balance, pays, projection),
+    )
 }
 
 
