@@ -5,7 +5,7 @@ worth, and where that leads to on a cluster.
     strong    a block at Courant 1, DM-GC, elastic, on one rank and on several, which take turns
     weak      as many points a rank on one rank and on several
     moving    the block slides 0.1 cells a step and its points go from rank to rank
-    balance   a column collapses on a slope, with ``Balance`` and without; CPU time of the slowest
+    balance   a column collapses on a slope, with ``Repartition`` and without; CPU time of the slowest
               rank, for who waits does no work
     model     constants of ``scaling_model``, and a step with 1e9 points on 1,000 ranks
 
@@ -207,7 +207,7 @@ def network(case: dict) -> dict:
 
 
 def balance(case: dict, end: float, block: int = 5) -> dict:
-    """The collapse, with ``Balance`` and without, in turns; a division counts by itself."""
+    """The collapse, with ``Repartition`` and without, in turns; a division counts by itself."""
     many = max(case["ranks"])
     scene = {"count": many, "sharing": True, "scene": "collapse", "cell": case["cell"]}
     scenes = {name: {**scene, "balance": name == "with"} for name in ("without", "with")}

@@ -97,7 +97,7 @@ def tables(rows: list[dict]) -> Iterator[Table]:
             )
     yield volume
     rest, row, model = (
-        Table("what", "", title="Balance and model", **options),
+        Table("what", "", title="Repartition and model", **options),
         *(one(rows, kind) for kind in ("balance", "model")),
     )
     rest.add_row("collapse, slowest rank without, ms", f"{1e3 * row['cpu']['without']:.1f}")
@@ -169,7 +169,7 @@ def _imbalance(ax, row: dict) -> None:
     for name, series in row["series"].items():
         colour, line = style[name]
         t = [at["time"] for at in series]
-        label = f"{name} Balance, {1e3 * row['cpu'][name]:.0f} ms a step"
+        label = f"{name} Repartition, {1e3 * row['cpu'][name]:.0f} ms a step"
         ax.plot(t, [at["imbalance"] for at in series], color=colour, linestyle=line, label=label)
     step = row["series"]["with"][0]["time"] / (row["steps"] / len(row["series"]["with"]))
     for number, one_ in enumerate(row["divisions"]):

@@ -53,7 +53,7 @@ def block(
     return mpm.Simulation(grid, body, stepping, terms, solver=solver)
 
 
-def collapse(cell: float, balance: mpm.Balance | None) -> mpm.Simulation:
+def collapse(cell: float, repartition: mpm.Repartition | None) -> mpm.Simulation:
     """A column that runs out downhill on a rough base; ``cell`` in m."""
     left, right, top = COLUMN
     grid = mpm.Grid.box((0.0, 0.0), (LENGTH, HEIGHT), (round(LENGTH / cell), round(HEIGHT / cell)))
@@ -63,4 +63,4 @@ def collapse(cell: float, balance: mpm.Balance | None) -> mpm.Simulation:
     )
     down = np.array([SLOPE, -1.0]) / np.hypot(SLOPE, 1.0)
     terms = [mpm.Fixed(grid.facets("bottom")), mpm.Gravity(tuple(G * down))]
-    return mpm.Simulation(grid, body, mpm.Newmark(STEP), terms, balance=balance)
+    return mpm.Simulation(grid, body, mpm.Newmark(STEP), terms, repartition=repartition)

@@ -18,7 +18,7 @@ from scaling_scenes import block, collapse
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.grid import dolfinx_versions
-from mpm_fenicsx.runs.balance import imbalance, work
+from mpm_fenicsx.runs.repartitioning import imbalance, work
 
 PAUSE = 2e-3  # s between looks for an order
 SMALL, LARGE = 8, 2**20  # bytes of a message whose time is latency, or bandwidth
@@ -92,11 +92,13 @@ class Served:
             self.run = block(**scene)
             self.build = time.perf_counter() - began
             if scene.get("sliding") and comm.size > 1:
-                self.run.divide(work(self.run, mpm.Balance().cell))
+                self.run.divide(work(self.run, mpm.Repartition().cell))
             self.bill = BillOfRanks(self.run)
         elif kind == "collapse":
             collapse(2.0, None).step()  # what is compiled is loaded
-            self.run = collapse(scene["cell"], mpm.Balance(every=5) if scene["balance"] else None)
+            self.run = collapse(
+                scene["cell"], mpm.Repartition(every=5) if scene["balance"] else None
+            )
             self._divide, self.run.divide = self.run.divide, self._divided
 
     def ready(self) -> bool:
@@ -121,7 +123,7 @@ class Served:
         if hasattr(self, "bill"):
             found |= {p: self.bill.seconds[p] / count for p in (*PIECES, "migrate")}
         of_ranks = self.comm.gather({**found, "points": len(body)})
-        uneven = imbalance(self.comm, work(self.run, mpm.Balance().cell))
+        uneven = imbalance(self.comm, work(self.run, mpm.Repartition().cell))
         if self.comm.rank:
             return {}
         most = {name: max(one[name] for one in of_ranks) for name in found}
@@ -161,7 +163,7 @@ class Served:
     def divide(self) -> dict:
         """Seconds and CPU seconds of dividing the grid anew; clocks around pieces are lost."""
         self._divide = self.run.divide
-        self._divided(work(self.run, mpm.Balance().cell))
+        self._divided(work(self.run, mpm.Repartition().cell))
         return (self.divided() or [{}])[-1]
 
     def memory(self) -> dict:

@@ -214,7 +214,7 @@ def messages() -> str:
 
 
 def balance() -> str:
-    """The collapse with and without ``Balance``."""
+    """The collapse with and without ``Repartition``."""
     row = next(row for row in rows("scaling") if row["kind"] == "balance")
     body = []
     for name, series in row["series"].items():
@@ -223,7 +223,7 @@ def balance() -> str:
         times = ", ".join(f"{1 + one['step']}" for one in divided)
         body.append(
             [
-                f"{name} `Balance`",
+                f"{name} `Repartition`",
                 f"{sum(uneven) / len(uneven):.2f}",
                 f"{max(uneven):.2f}",
                 f"{1e3 * row['cpu'][name]:.0f}",

@@ -31,7 +31,9 @@ def scene(
         body.velocity = np.tile((3.0, 1.0), (len(body), 1))
     top = body.surface("top")
     load = mpm.Traction(top, 1e3 * np.sin(3.0 * top.x))
-    solver = mpm.Solver(newton=migrating.EXACT.newton, petsc=migrating.EXACT.petsc, reuse=reuse)
+    rows = {"pc_type": "asm", "pc_asm_type": "basic", "sub_pc_type": "icc"}  # not blocks
+    petsc = {**migrating.EXACT.petsc, **rows}
+    solver = mpm.Solver(newton=migrating.EXACT.newton, petsc=petsc, reuse=reuse)
     if not stepping.dynamic:
         solver = mpm.Solver(newton=migrating.EXACT.newton)
     return mpm.Simulation(grid, body, stepping, [load, *terms(grid, body)], mapping, solver)

@@ -111,11 +111,29 @@ class Simulation(Run):
         self._bound_for_rest: bool | None = None
         self._nodes: int | None = None
         self.repartitioner = None if repartition is None else Repartitioner(repartition)
-        self.build(self._check)
+        self._bind()
+        scene = self.scene
+        if self.repartitioner is not None:
+            self.repartitioner.check(scene)
+        refuse_disagreement(scene)
+        refuse_overlaps(grid, self.bodies, self.cells)
+        check_reach(scene, self.bodies, self.cells, self.stencils)
+        warn_of_doubtful(grid, self.terms, self.bodies)
+        if mapping.b_bar:
+            warn_of_points(
+                [body.material for body in self.bodies],
+                partly_filled(grid, self.bodies, self.cells),
+                stepping.dynamic,
+            )
+        self._make()
 
-    def build(self, check: Callable[[], None] = lambda: None) -> None:
-        """Make all that lies on the grid as it is divided among the ranks; ``check`` is called
-        before anything depends on what terms and bodies are."""
+    def build(self) -> None:
+        """Make anew all that lies on the grid as it is divided among the ranks."""
+        self._bind()
+        self._make()
+
+    def _bind(self) -> None:
+        """Where points are, and what the terms ask of the grid."""
         grid, stepping, mapping, solver = self.grid, self.stepping, self.mapping, self.solver
         motion = self.motion = Motion(grid, stepping)
         self.migration = Migration(grid) if grid.comm.size > 1 else None
@@ -143,7 +161,13 @@ class Simulation(Run):
         others = [inertia(scene)] if stepping.dynamic else []
         others += scene.bind(self.terms)
         self.contributions = [body, *others]
-        check()
+        self._reuse = reuse
+
+    def _make(self) -> None:
+        """What a step works with."""
+        grid, stepping, mapping, solver = self.grid, self.stepping, self.mapping, self.solver
+        motion, scene, given, reuse = self.motion, self.scene, self.properties, self._reuse
+        body, *others = self.contributions
         self.gauss = GaussPoints(grid, mean_volume=True) if mapping.b_bar else None
         self.yielding = self._can_yield()
         self.courant_number = courant_number(grid, self.bodies, stepping)
@@ -181,27 +205,11 @@ class Simulation(Run):
             KnownVelocity(motion, self.courant_number / stepping.dt / TRANSITS) if known else None
         )
         if stepping.dynamic:
-            self.deposit = Deposit(motion, density, given.mass_dx, mapping.sweeps)
+            self.deposit = Deposit(motion, given.fields[0], given.mass_dx, mapping.sweeps)
             for body in self.bodies:
                 body.enter_dynamics()
             self.correction = correction_of(
                 self.correction_kind, self.equilibrium, self.stress, self.deposit
-            )
-
-    def _check(self) -> None:
-        """Refuse, or warn of, what the bodies and the terms together cannot be."""
-        grid, scene = self.grid, self.scene
-        if self.repartitioner is not None:
-            self.repartitioner.check(scene)
-        refuse_disagreement(scene)
-        refuse_overlaps(grid, self.bodies, self.cells)
-        check_reach(scene, self.bodies, self.cells, self.stencils)
-        warn_of_doubtful(grid, self.terms, self.bodies)
-        if self.mapping.b_bar:
-            warn_of_points(
-                [body.material for body in self.bodies],
-                partly_filled(grid, self.bodies, self.cells),
-                self.stepping.dynamic,
             )
 
     def change_step(self, stepping: Newmark | QuasiStatic) -> None:

@@ -15,7 +15,7 @@ RESCUE = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "
 OF_ROWS = ("icc", "ilu", "asm")
 """Small cuts leave rows 1e12 times smaller than others, which an incomplete factor takes for zero
 unless they are scaled; a full factor does without, and would be made anew for every solve."""
-BY_ENERGY = ("jacobi", "pbjacobi", "gamg", "ml", "hypre")
+BY_ENERGY = ("gamg", "ml", "hypre")
 """They are stopped by the energy of what is left."""
 OF_NODES = ("gamg", "ml")
 """They want to know what rigid bodies do."""
