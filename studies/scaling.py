@@ -5,8 +5,8 @@ worth, and where that leads to on a cluster.
     strong    a block at Courant 1, DM-GC, elastic, on one rank and on several, which take turns
     weak      as many points a rank on one rank and on several
     moving    the block slides 0.1 cells a step and its points go from rank to rank
-    balance   a column collapses on a slope, with ``Repartition`` and without; CPU time of the slowest
-              rank, for who waits does no work
+    balance   a column collapses on a slope, with ``Repartition`` and without; CPU time of the
+              slowest rank, for who waits does no work
     model     constants of ``scaling_model``, and a step with 1e9 points on 1,000 ranks
 
 All runs of a case are alive at once and take turns, a few steps at a time; one that waits sleeps.
