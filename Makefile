@@ -79,7 +79,7 @@ test-ranks: $(READY) ## run more scenes on two, three and four processes (5 minu
 
 validate: $(READY) ## run the long cases with exact or published answers (20 minutes)
 	@$(PY) -m pytest -m validation tests/validation tests/test_ranks.py tests/test_migration.py \
-		-n $(JOBS) --dist loadfile $(or $(ARGS),--afresh)
+		tests/test_statics_on_ranks.py tests/test_footing_3d.py -n $(JOBS) --dist loadfile $(or $(ARGS),--afresh)
 
 speed: $(READY) ## draw error against seconds (20 minutes; ARGS=--quick: two)
 	@$(PY) studies/speed_against_error.py $(ARGS)

@@ -70,6 +70,7 @@ def test_a_large_box_settles_as_schleichers_half_space():
 # -- at rest ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.validation
 def test_at_rest_the_error_falls_with_the_cells():
     found = [
         footing_3d.at_rest(replace(SMALL, cell=cell, width=3.0, depth=3.0)) for cell in (1.0, 0.5)
@@ -113,7 +114,9 @@ def test_a_quarter_is_the_whole():
     assert np.abs(moved - known).max() < 0.01 * np.abs(known).max()
 
 
-@pytest.mark.parametrize("boundary", ["fixed", "viscoelastic"])
+@pytest.mark.parametrize(
+    "boundary", ["fixed", pytest.param("viscoelastic", marks=pytest.mark.validation)]
+)
 def test_material_points_and_finite_elements_approach_one_another(boundary):
     apart = []
     for cell in (0.5, 0.25):
@@ -138,6 +141,7 @@ def test_before_an_edge_is_felt_the_centre_sinks_as_a_column():
     assert -probe.values[-1, 1] == pytest.approx(exact, rel=0.02)
 
 
+@pytest.mark.validation
 def test_clay_flows_under_four_times_its_cohesion():
     scene = replace(SMALL, boundary="viscoelastic", law=clay, load=4 * cohesion)
     run = scene.material_points()
