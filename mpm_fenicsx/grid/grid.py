@@ -59,12 +59,13 @@ class Grid:
         _refuse_other_meshes(mesh)
         self._named = _locators(facets or {})
         self.weight: np.ndarray | None = None  # (owned cells,): by which it was cut anew
+        self.comm: MPI.Comm = mesh.comm  # as long as the mesh lives; see ``_on``
+        self._of_mesh = True
         self._lie_on(mesh)
 
     def _lie_on(self, mesh) -> None:
         """Take a mesh, and mark its facets."""
         self.mesh = mesh
-        self.comm: MPI.Comm = mesh.comm
         self.dim: int = mesh.topology.dim
         self.axes = tuple(range(self.dim))
         self.space = dolfinx_versions.space(mesh, "Lagrange", 1, (self.dim,))
@@ -140,7 +141,7 @@ class Grid:
         strides = np.cumprod([1, *map(len, lines[:-1])])
         corner = sum(n * i for n, i in zip(strides, _slice(comm, lines, 1), strict=True))
         cells = corner[:, None] + digits(2, len(lines)) @ strides
-        return cls(distribute(comm, x, cells), facets)
+        return cls(distribute(comm, x, cells), facets)._on(comm)
 
     @classmethod
     def read(
@@ -173,7 +174,12 @@ class Grid:
         if fault:
             raise ValueError(f"path {fault}: {path}")
         x, cells = (exchange.scatter(comm, of_file) for of_file in (x, cells))
-        return cls(distribute(comm, x, cells), facets)
+        return cls(distribute(comm, x, cells), facets)._on(comm)
+
+    def _on(self, comm: MPI.Comm) -> Grid:
+        """The grid with a communicator that lives longer than its mesh."""
+        self.comm, self._of_mesh = comm, False
+        return self
 
     # -- who owns what -----------------------------------------------------------------------------
 
@@ -182,8 +188,8 @@ class Grid:
 
         ``weight`` (owned cells,) >= 0: what each cell costs, such as 1 + points in it; cells that
         weigh nothing go anywhere.  The grid has another mesh then, with other local numbers of
-        cells, nodes and facets, other ghosts, and another communicator, ``comm``: what was made
-        from the former ones (spaces, fields, forms, measures, ``lattice``) is to be made anew.
+        cells, nodes and facets, and other ghosts: what was made from the former ones (spaces,
+        fields, forms, measures, ``lattice``) is to be made anew.
         What ``facets`` has returned, ``cell_numbers``, ``node_numbers`` and ``facet_numbers`` go on
         saying the same of the same cells, nodes and facets.  Collective.
         Raises ``ValueError``, on all ranks, for weights that are none.
@@ -193,6 +199,8 @@ class Grid:
         neighbours = self.__dict__.get("neighbours")
         number = self.cell_numbers[: self.owned_cells]
         mesh = distribute_anew(self.mesh, number, weight)
+        if self._of_mesh:
+            self._on(self.comm.Dup())
         if neighbours is not None:
             neighbours[1].Free()
         for name, of_class in vars(type(self)).items():
