@@ -247,7 +247,7 @@ def cases(quick: bool, ranks: list[int]) -> list[dict]:
         for kind, of in sizes.items()
         for dim in (2, 3)
     ]
-    todo += [{"kind": "balance", "dim": 2, "counts": None, "cell": CELL * (4 if quick else 1)}]
+    todo += [{"kind": "balance", "dim": 2, "counts": None, "cell": CELL * (4 if quick else 2)}]
     todo = [{"kind": "network", "dim": None, "counts": None, "cell": None}, *todo]
     return [{**case, "ranks": ranks, "quick": quick} for case in todo]
 
