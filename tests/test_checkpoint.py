@@ -280,6 +280,15 @@ def test_without_a_part_of_the_state_the_end_is_another(half, tmp_path):
             same(everything(run, tmp_path / "now.npz"), ends[name])
 
 
+def test_one_rank_removes_the_files_of_several(tmp_path):
+    run, path = points(SOFT), tmp_path / "state.npz"
+    others = [tmp_path / f"state.npz.{name}" for name in ("0123abcd.0", "0123abcd.1.part", "mine")]
+    for file in others:
+        file.write_text("before")
+    mpm.Checkpoint(path)(run)
+    assert path.exists() and [file.exists() for file in others] == [False, False, True]
+
+
 def test_a_checkpoint_looks_last_and_in_its_turn(tmp_path):
     """Attached first, it still has what the others recorded in its step."""
     run = points(SOFT)

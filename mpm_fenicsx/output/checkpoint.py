@@ -92,6 +92,7 @@ def write(run, path: Path) -> None:
     if comm.size == 1:
         with failing_together(comm, "checkpoint not written", path):
             _save(path, {**head, **{f"0/{name}": value for name, value in mine.items()}})
+            _remove_others(path, "")
         return
     tag = comm.bcast(uuid4().hex[:8])
     with failing_together(comm, "checkpoint not written", path):
