@@ -151,6 +151,30 @@ def test_a_field_on_the_mesh_is_refused():
         mpm.Simulation(grid, body, mpm.Newmark(1e-3), [load], repartition=ANEW)
 
 
+OWN_ROWS = """
+import numpy as np, mpm_fenicsx as mpm
+soil = mpm.LinearElastic(young=2e6, poisson=0.25, density=1500.0)
+grid = mpm.Grid.box((0.0, 0.0), (2.0, 1.0), (8, 4))
+body = mpm.MaterialPoints.fill(grid, soil, 4, lambda x: x[1] < 0.5)
+top = body.surface("top")
+load = mpm.Traction(top, np.zeros_like(top.x))
+try:
+    mpm.Simulation(grid, body, mpm.Newmark(1e-3), [load], repartition=mpm.Repartition())
+except ValueError as error:
+    print("refused" if "give all rows on every rank" in str(error) else error)
+run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), [], repartition=mpm.Repartition())
+field = run.stress_field().function
+run.divide(1.0 + np.arange(grid.owned_cells))
+print("gone" if np.isnan(field.x.array).all() else "stays")
+"""
+
+
+@pytest.mark.ranks
+def test_rows_of_a_rank_are_refused_and_fields_of_before_are_no_numbers():
+    said = on_ranks(2, "-c", OWN_ROWS)
+    assert said.count("refused") == said.count("gone") == 2
+
+
 if __name__ == "__main__":
     from mpi4py import MPI
 

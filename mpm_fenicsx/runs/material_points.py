@@ -522,6 +522,12 @@ class Simulation(Run):
         (cells,), and go on as if nothing had happened.  Collective."""
         divide(self, weight)
 
+    def forget_fields(self) -> None:
+        """Fields on the mesh that is about to go are no numbers from now on, so that what has been
+        built from them shows it."""
+        if self._stress_field is not None:
+            self._stress_field.function.x.array[:] = np.nan
+
     def lie_as(self, parts: Sequence[Part]) -> None:
         """Divide the grid as it was where the parts come from.  Collective."""
         weight = weights(self.grid, parts)

@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 
 from ..common.checks import an_object, finite, whole
+from ..common.ranks import anywhere
 from .redistribution import fields, rows_of_points
 
 AGAIN = 1.1
@@ -59,6 +60,13 @@ class Repartitioner:
                 f"repartition: the load on {held} is a field on the grid's mesh, and is lost when "
                 "the grid is divided anew: give a function of time and place"
             )
+        own = [str(p) for p in scene.patches if p.of_its_own]
+        if anywhere(scene.grid.comm, own[0] if own else None):
+            raise ValueError(
+                "repartition: a load on surface points is given row by row, on each rank for its "
+                "own, which are others when the grid is divided anew: give all rows on every rank, "
+                "or a function of time and place"
+            )
 
     def look(self, run) -> None:
         """Divide the run's grid anew if that is due.  Collective."""
@@ -94,6 +102,7 @@ def divide(run, weight: np.ndarray) -> None:
     nothing had happened.  Collective."""
     grid, now = run.grid, run.part()
     now = now._replace(state={name: value.copy() for name, value in now.state.items()})
+    run.forget_fields()
     clouds, counts = run.clouds(), (run.solves, run.iterations, run.rescues)
     grid.repartition(weight)
     rows = {

@@ -40,6 +40,7 @@ class FacetPatch:
         self._refresh: list[Callable[[float, float], None]] = []
         self._total: fem.Function | None = None
         self.on_the_mesh = False  # whether it bears a load that is a field there
+        self.of_its_own = False
 
     @cached_property
     def _cells(self) -> np.ndarray:
@@ -181,6 +182,7 @@ class PointPatch:
         self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
         self.faces = Faces(self.grid, points)
         self._held: dict[str, np.ndarray] = {}  # loads, row by row
+        self.of_its_own = False  # whether one is given for this rank's rows alone
         self.migration = Migration(self.grid) if self.grid.comm.size > 1 else None
         if self.migration is not None:
             self._leave_to_others()
@@ -335,6 +337,7 @@ class PointPatch:
             return None
         name = f"held {len(self._held)}"
         self._held[name] = constant
+        self.of_its_own |= len(value) != self.points.given
         return ufl.as_vector(self._field(self.grid.dim, lambda *_: self._held[name]))
 
     def load(self, function: Load, placed: bool, mean: bool = False):
