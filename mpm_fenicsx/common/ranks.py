@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TypeVar
@@ -12,6 +13,9 @@ from mpi4py import MPI
 import numpy as np
 
 T = TypeVar("T")
+
+PASSED_ON = 0.5
+"""s; what a rank has printed is lost where the launcher has no time to pass it on before the end."""
 
 
 def end_together() -> None:
@@ -24,6 +28,7 @@ def end_together() -> None:
     def hook(kind, error, traceback) -> None:
         show(kind, error, traceback)
         sys.stderr.flush()
+        time.sleep(PASSED_ON)
         if not MPI.Is_finalized():
             MPI.COMM_WORLD.Abort(1)
 
