@@ -8,6 +8,7 @@ import os
 import re
 import tempfile
 import zipfile
+import zlib
 from collections import Counter
 from collections.abc import Mapping
 from contextlib import suppress
@@ -21,7 +22,7 @@ import numpy as np
 from ..common.checks import in_short, whole
 from ..common.files import complete, failing_together, named
 from ..common.ranks import anywhere, together
-from ..common.spread import Part
+from ..common.spread import Part, below
 
 NO_CHECKPOINT = (
     "it is no checkpoint, or not a whole one: give the file that a recorder Checkpoint wrote"
@@ -95,8 +96,9 @@ def write(run, path: Path) -> None:
             _remove_others(path, "")
         return
     tag = comm.bcast(uuid4().hex[:8])
+    own = _part(path, tag, comm.rank)
     with failing_together(comm, "checkpoint not written", path):
-        _save(_part(path, tag, comm.rank), mine)
+        _save(own, {"whose": np.array(_whose(tag, comm.rank)), **mine})
     with failing_together(comm, "checkpoint not written", path):
         if comm.rank == 0:
             _save(path, {**head, "tag": np.array(tag)})
@@ -105,7 +107,12 @@ def write(run, path: Path) -> None:
 
 def _part(path: Path, tag: str, rank: int) -> Path:
     """The file of a rank."""
-    return path.with_name(f"{path.name}.{tag}.{rank}")
+    return path.with_name(f"{path.name}.{_whose(tag, rank)}")
+
+
+def _whose(tag: str, rank: int) -> str:
+    """What the file of a rank says of itself."""
+    return f"{tag}.{rank}"
 
 
 def _remove_others(path: Path, tag: str) -> None:
@@ -139,13 +146,15 @@ def restart(run, path: str | os.PathLike) -> None:
     steps, ranks, tag = comm.bcast(head)
     with failing_together(comm, "checkpoint not read", path):
         files = [_read(path, tag, rank) for rank in range(comm.rank, ranks, comm.size)]
-    found = comm.bcast(str(files[0]["identity"]) if files else None)
-    found, here = json.loads(found), run.identity()
-    if max(ranks, comm.size) > 1:  # rows go from rank to rank
-        found, here = _without_arrays(found), _without_arrays(here)
-    _refuse(comm, path, _difference(found, here))
+    found, here = str(files[0]["identity"]) if files else "", run.identity()
+    if ranks == comm.size:
+        message = _difference(json.loads(found), here)
+    else:
+        found = json.loads(comm.bcast(found))
+        message = _difference(_without_arrays(found), _without_arrays(here))
+    _refuse(comm, path, message)
     parts = [
-        Part(*(file[f"part/{name}"] for name in LABELS), _below("run/", file)) for file in files
+        Part(*(file[f"part/{name}"] for name in LABELS), below("run/", file)) for file in files
     ]
     run.lie_as(parts)
     recorders, state = _remembering(run), run.state()
@@ -157,10 +166,10 @@ def restart(run, path: str | os.PathLike) -> None:
         op=MPI.MIN,
     )
     if stays:
-        recorded = _below("recorders/", files[0])
+        recorded = below("recorders/", files[0])
         message = _misfit(parts[0].state, state, run.arrays_that_move())
     else:
-        recorded = comm.bcast(_below("recorders/", files[0]) if files else None)
+        recorded = comm.bcast(below("recorders/", files[0]) if files else None)
         message = run.misfit(parts)
     _refuse(comm, path, message or _unknown(recorders, recorded))
     if stays:
@@ -168,7 +177,7 @@ def restart(run, path: str | os.PathLike) -> None:
     else:
         run.receive(parts)
     for label, recorder in recorders.items():
-        recorder.restore(_below(f"{label}/", recorded))
+        recorder.restore(below(f"{label}/", recorded))
     run.resume(steps)
 
 
@@ -199,13 +208,17 @@ def _read(path: Path, tag: str | None, rank: int) -> dict[str, np.ndarray]:
             raise FileNotFoundError(
                 errno.ENOENT, f"the checkpoint names {path.name} beside it, which is not there"
             )
-    with np.load(path, allow_pickle=False) as file:
-        arrays = dict(file)
-    return arrays if tag is not None else _below(f"{rank}/", arrays)
-
-
-def _below(prefix: str, arrays: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    return {name[len(prefix) :]: value for name, value in arrays.items() if name.startswith(prefix)}
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+    except (ValueError, zipfile.BadZipFile, zlib.error) as error:
+        raise OSError(errno.EINVAL, f"{path.name} is damaged: {error}") from error
+    if tag is None:
+        return below(f"{rank}/", arrays)
+    whose = str(arrays.pop("whose", ""))
+    if whose != _whose(tag, rank):
+        raise OSError(errno.EINVAL, f"{path.name} is the file of another rank, {whose!r}")
+    return arrays
 
 
 def _remembering(run) -> dict[str, object]:

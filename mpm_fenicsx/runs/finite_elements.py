@@ -65,8 +65,6 @@ class FiniteElements(Run):
     Raises ``ValueError`` naming what is wrong.
     """
 
-    bodies = ()  # no material points
-
     def __init__(
         self,
         grid: Grid,

@@ -8,8 +8,6 @@ from collections.abc import Sequence
 from dataclasses import fields, replace
 from enum import Enum
 
-from mpi4py import MPI
-
 import numpy as np
 
 from ..common.checks import an_object, in_short
@@ -161,17 +159,13 @@ def courant_number(
     Collective."""
     if not stepping.dynamic:
         return 0.0
-    extent = (grid.lattice.upper - grid.lattice.lower).min(initial=float("inf"))
-    smallest = grid.comm.allreduce(float(extent), op=MPI.MIN)
-    return max(body.material.p_speed for body in bodies) * stepping.dt / smallest
+    return max(body.material.p_speed for body in bodies) * stepping.dt / grid.smallest
 
 
 def crossings(grid: Grid, materials: Sequence) -> float:
     """Of how many of the smallest cells, of any mesh, P waves of the fastest material run through
     in a second (1/s).  Collective."""
-    corner = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][:, :, : grid.dim]
-    extent = np.ptp(corner, axis=1).min(initial=float("inf"))
-    return max(law.p_speed for law in materials) / grid.comm.allreduce(float(extent), op=MPI.MIN)
+    return max(law.p_speed for law in materials) / grid.smallest
 
 
 def nodes_of(grid: Grid, cells: Sequence[np.ndarray]) -> int:

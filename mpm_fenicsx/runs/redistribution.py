@@ -16,7 +16,7 @@ import numpy as np
 
 from ..common.exchange import delivered, fetched
 from ..common.ranks import anywhere
-from ..common.spread import Part, Spread
+from ..common.spread import Part, Spread, below
 from ..grid.grid import Grid
 
 OWN = ("number", "cell")
@@ -113,11 +113,6 @@ def rows_of_points(
     rows = delivered(comm, {**rows, "cell": place["cell"]}, place["rank"])
     order = np.argsort(rows["number"], kind="stable")
     return {name: value[order] for name, value in rows.items()}
-
-
-def below(prefix: str, arrays: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The arrays whose names begin so, by the rest of their names."""
-    return {name[len(prefix) :]: value for name, value in arrays.items() if name.startswith(prefix)}
 
 
 def _is_own(name: str) -> bool:

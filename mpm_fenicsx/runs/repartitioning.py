@@ -12,7 +12,6 @@ import numpy as np
 
 from ..common.checks import an_object, finite, whole
 from ..common.ranks import anywhere
-from .redistribution import fields, rows_of_points
 
 AGAIN = 1.1
 """Of the imbalance that the last division has left: so much worse it must become for the next."""
@@ -100,27 +99,20 @@ def imbalance(comm: MPI.Comm, weight: np.ndarray) -> float:
 def divide(run, weight: np.ndarray) -> None:
     """Divide the run's grid anew, by the weight of each of this rank's own cells, and go on as if
     nothing had happened.  Collective."""
-    grid, now = run.grid, run.part()
+    now = run.part()
     now = now._replace(state={name: value.copy() for name, value in now.state.items()})
     run.forget_fields()
-    clouds, counts = run.clouds(), (run.solves, run.iterations, run.rescues)
-    grid.repartition(weight)
-    rows = {
-        cloud: rows_of_points(grid, [now], cloud, per_face) for cloud, per_face in clouds.items()
-    }
-    for cloud, arrays in rows.items():
+    counts = run.solves, run.iterations, run.rescues
+    run.grid.repartition(weight)
+    points = run.points_of([now])
+    for cloud, arrays in points.items():
         run.move_points(cloud, arrays)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they have been said
         run.build()
     gc.collect()  # what PETSc and MPI free together, on all ranks now
-    state = run.state()
-    for name, value in fields(grid, [now], state, run.spread()).items():
-        state[name][...] = value
-    for cloud, arrays in rows.items():
-        run.take_points(cloud, arrays)
+    run.put([now], points)
     run.equilibrium.solves, run.equilibrium.iterations, run.equilibrium.rescues = counts
-    run.arrangement += 1
     for recorder in run.recorders:
         if hasattr(recorder, "moved"):
             recorder.moved(run)

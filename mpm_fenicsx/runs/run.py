@@ -21,7 +21,7 @@ from ..grid.stress_field import StressField
 from ..output.checkpoint import restart
 from .identity import described
 from .redistribution import fields, misfit, part_of, rows_of_points
-from .scene_checks import check_run, terms_of
+from .scene_checks import check_run, refuse_other_scenes, terms_of
 from .statics import Statics
 
 WHOLE = 1e-6
@@ -32,9 +32,14 @@ numbers."""
 class Run(Statics):
     """Steps in time and calls recorders after each step."""
 
+    bodies: Sequence = ()  # of material points, if any
+
     def __init__(self, name: str, grid: Grid, stepping: Newmark | QuasiStatic, terms: Sequence):
         check_run(grid, stepping)
         self.name, self.grid, self.terms = name, grid, terms_of(terms)
+        words = ", ".join(type(term).__name__ for term in self.terms) or "no terms"
+        many = len(self.bodies)
+        refuse_other_scenes(grid.comm, (name, repr(stepping), f"{many} bodies", words))
         self._stepping = stepping
         self._clock = np.zeros(2)  # steps and time (s) at which the present step came into use
         self._begun = False
@@ -284,15 +289,22 @@ class Run(Statics):
     def receive(self, parts: Sequence[Part]) -> None:
         """Take the state that lay on other ranks, of which each rank now holds some parts.
         Collective."""
-        state, spread = self.state(), self.spread()
-        found = fields(self.grid, parts, state, spread)
-        rows = {
+        self.put(parts, self.points_of(parts))
+
+    def points_of(self, parts: Sequence[Part]) -> dict[str, dict[str, np.ndarray]]:
+        """Arrays of the points that belong on this rank, by the names of ``clouds``.
+        Collective."""
+        return {
             cloud: rows_of_points(self.grid, parts, cloud, per_face)
             for cloud, per_face in self.clouds().items()
         }
-        for name, value in found.items():
+
+    def put(self, parts: Sequence[Part], points: Mapping[str, dict[str, np.ndarray]]) -> None:
+        """Take fields from parts of a state, and ``points`` that are here.  Collective."""
+        state = self.state()
+        for name, value in fields(self.grid, parts, state, self.spread()).items():
             state[name][...] = value
-        for cloud, arrays in rows.items():
+        for cloud, arrays in points.items():
             self.take_points(cloud, arrays)
         self.arrangement += 1
 

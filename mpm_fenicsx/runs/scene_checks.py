@@ -50,6 +50,22 @@ def check_run(grid, stepping) -> None:
     an_object("stepping", stepping, (Newmark, QuasiStatic), "Newmark(dt) or QuasiStatic(steps)")
 
 
+def refuse_other_scenes(comm, words: Sequence[str]) -> None:
+    """Raise ``ValueError``, on all ranks, where one makes another run, told by ``words``, than the
+    first: they would wait for one another for ever.  Collective."""
+    if comm.size == 1:
+        return
+    first, *others = comm.allgather(list(words))
+    for rank, other in enumerate(others, start=1):
+        for here, there in zip(first, other, strict=True):
+            if here != there:
+                raise ValueError(
+                    f"rank 0 makes a run with {here}, and rank {rank} one with {there}: a script "
+                    "gives the same grid, bodies, terms and step on every rank, also where a rank "
+                    "holds no point of a surface"
+                )
+
+
 def check_flags(**flags) -> None:
     """Raise ``ValueError`` naming what is neither True nor False."""
     for name, value in flags.items():

@@ -99,7 +99,11 @@ def of_time(name: str, value) -> Callable[[float], float]:
         )
 
     def function(t: float) -> float:
-        given = value(t)
+        try:
+            given = value(t)
+        except Exception as error:
+            kind = type(error).__name__
+            raise ValueError(f"{name} raises {kind} at t = {t:.6g}: {error}") from error
         result = numbers(given)
         if result is None or result.size != 1 or not np.isfinite(result).all():
             raise ValueError(

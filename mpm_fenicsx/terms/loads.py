@@ -59,6 +59,8 @@ class DeadLoad(Traction):
     when surface points meet their first DeadLoad in a run: later runs keep their ``rest_area``.
     """
 
+    value: Callable | tuple[float, ...]
+
     def _load(self, scene: Scene, patch) -> Callable:
         function, placed = scene.load("value of DeadLoad", self.value)
         on = self.on

@@ -82,8 +82,9 @@ def refuse_overlaps(
     grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray]
 ) -> None:
     """Raise ``ValueError`` where bodies of one run fill a cell more than once between them, on any
-    rank."""
-    if len(bodies) < 2:
+    rank, or where on several ranks one that was made by hand does so alone."""
+    by_hand = grid.comm.size > 1 and any(body.exposed is None for body in bodies)
+    if len(bodies) < 2 and not by_hand:
         return
     fills = np.array([_fill(grid, body, cell) for body, cell in zip(bodies, cells, strict=True)])
     double = fills.sum(axis=0) > OVERFULL * np.maximum(fills.max(axis=0, initial=0.0), 1.0)
@@ -96,6 +97,15 @@ def refuse_overlaps(
             f"bodies {one} and {other} overlap: together they fill the cell at x={centre} "
             f"{fills[:, cell].sum():.3g} times; let each end where the other begins"
         )
+    for number, (body, fill) in enumerate(zip(bodies, fills, strict=True)):
+        if by_hand and body.exposed is None and fill.max(initial=0.0) > OVERFULL:
+            cell = int(np.argmax(fill))
+            centre = 0.5 * (grid.lattice.lower[cell] + grid.lattice.upper[cell])
+            message = (
+                f"body {number} fills the cell at x={centre} {fill[cell]:.3g} times: points that "
+                "several ranks give count once where they are the same to the last bit, so give "
+                "each on one rank, or random numbers a seed"
+            )
     message = anywhere(grid.comm, message)
     if message:
         raise ValueError(message)

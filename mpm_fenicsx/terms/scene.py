@@ -11,7 +11,7 @@ import numpy as np
 import ufl
 
 from ..common.checks import in_short
-from ..common.ranks import anywhere
+from ..common.ranks import anywhere, together
 from ..common.spread import Spread
 from ..dynamics.motion import Motion
 from ..grid.form_degree import degree
@@ -123,8 +123,9 @@ class Scene:
         """
         for load in self.loads:
             load.fault = None
-        for known in self.motion.moved:
-            known.prepare(start, end, self.motion.stepping)
+        with together(self.grid.comm):
+            for known in self.motion.moved:
+                known.prepare(start, end, self.motion.stepping)
         for p in self.patches:
             p.prepare(start, end)
         for contribution in self.contributions:
