@@ -15,7 +15,7 @@ import numpy as np
 T = TypeVar("T")
 
 PASSED_ON = 0.5
-"""s; what a rank has printed is lost where the launcher has no time to pass it on before the end."""
+"""s; what a rank has printed is lost where the launcher is given no time to pass it on."""
 
 
 def end_together() -> None:
