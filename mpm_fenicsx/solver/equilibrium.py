@@ -215,7 +215,7 @@ class Equilibrium:
         self._unknowns = self.motion.grid.dim * self.motion.grid.comm.allreduce(nodes)
         self._choose()
         self.ksp.setOperators(self.part.matrix)
-        prepare_multigrid(self.ksp, self.part.matrix, self._places())
+        prepare_multigrid(self.ksp, self.part.matrix, self._places)
 
     def _look_for_symmetry(self) -> None:
         """Raise ``ValueError`` once, where K is not symmetric though terms and laws say so."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 import weakref
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from itertools import count
 
 import numpy as np
@@ -86,19 +86,19 @@ def warn_of_unread(ksp: PETSc.KSP, names: list[str]) -> None:
         )
 
 
-def prepare_multigrid(ksp: PETSc.KSP, A: PETSc.Mat, places: np.ndarray) -> None:
+def prepare_multigrid(ksp: PETSc.KSP, A: PETSc.Mat, places: Callable[[], np.ndarray]) -> None:
     """Where the solver is multigrid, start it anew for the numbers that ``A`` has now, with the
     motions that it must not see as stiff: those of rigid bodies, of the nodes of ``A`` at
-    ``places`` (n, dim), m.  Collective."""
+    ``places()`` (n, dim), m, which nobody else asks for.  Collective."""
     if ksp.getPC().getType() not in OF_NODES:
         return
     ksp.getPC().setType("none")  # else PETSc 3.18 refuses levels of another size, reset or not
     ksp.getPC().setFromOptions()
     ksp.setOperators(A)
     if not A.getNearNullSpace():
-        x = A.createVecLeft()
-        x.setBlockSize(places.shape[1])
-        x.array[:] = places.ravel()
+        at, x = places(), A.createVecLeft()
+        x.setBlockSize(at.shape[1])
+        x.array[:] = at.ravel()
         A.setNearNullSpace(PETSc.NullSpace().createRigidBody(x))
 
 
