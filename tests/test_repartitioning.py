@@ -151,6 +151,48 @@ def test_a_field_on_the_mesh_is_refused():
         mpm.Simulation(grid, body, mpm.Newmark(1e-3), [load], repartition=ANEW)
 
 
+SWITCHED = """
+import sys
+import numpy as np, mpm_fenicsx as mpm
+soil = mpm.LinearElastic(young=2e6, poisson=0.25, density=1500.0)
+
+
+def scene(repartition):
+    grid = mpm.Grid.box((0.0, 0.0), (4.0, 1.0), (16, 4))
+    body = mpm.MaterialPoints.fill(grid, soil, 4, lambda x: (x[0] < 1.5) & (x[1] < 0.5))
+    body.velocity = np.tile((20.0, 0.0), (len(body), 1))
+    solver = mpm.Solver(petsc={"ksp_rtol": 1e-13})
+    run = mpm.Simulation(
+        grid, body, mpm.Newmark(5e-3), [mpm.Gravity((0.0, -9.81))], mpm.DM_GC, solver,
+        repartition=repartition,
+    )
+    run.record(mpm.Probe("velocity", (0.6, 0.3)))
+    return run
+
+
+often = mpm.Repartition(above=1.05, every=2)
+for before, after in ((None, often), (often, None)):
+    run = scene(before)
+    keep = run.record(mpm.Checkpoint(sys.argv[1], every=8))
+    for _ in range(8):
+        run.step()
+    run.recorders.remove(keep)
+    again = scene(after)
+    again.restart(keep.path)
+    for _ in range(8):
+        run.step()
+        again.step()
+    a, b = (one.recorders[0].values for one in (run, again))
+    assert np.abs(a - b).max() < 1e-9 * np.abs(a).max()
+    print("goes on", flush=True)
+"""
+
+
+@pytest.mark.ranks
+def test_it_can_be_switched_on_and_off_at_a_restart(tmp_path):
+    assert on_ranks(2, "-c", SWITCHED, tmp_path / "state.npz").count("goes on") == 4
+
+
 OWN_ROWS = """
 import numpy as np, mpm_fenicsx as mpm
 soil = mpm.LinearElastic(young=2e6, poisson=0.25, density=1500.0)

@@ -19,8 +19,9 @@ from ..common.ranks import anywhere
 from ..common.spread import Part, Spread, below
 from ..grid.grid import Grid
 
-OWN = ("number", "cell")
-"""Arrays that points have on several ranks alone, or find again."""
+OWN = ("number", "cell", "repartition")
+"""Arrays that points have on several ranks alone, or find again; and what a run knows that divides
+its grid anew, which another need not."""
 
 
 def part_of(grid: Grid, state: Mapping[str, np.ndarray]) -> Part:
@@ -49,7 +50,7 @@ def weights(grid: Grid, parts: Sequence[Part]) -> np.ndarray | None:
 def misfit(grid: Grid, parts: Sequence[Part], spread: Mapping[str, Spread]) -> str | None:
     """Why parts of another run's state cannot become that of a run whose arrays lie as in
     ``spread``, or None; the same on all ranks."""
-    alike = [name for name, lies in spread.items() if lies is Spread.ALIKE]
+    alike = [n for n, lies in spread.items() if lies is Spread.ALIKE and not _is_own(n)]
     message, here = None, {name for name in spread if not _is_own(name)}
     for part in parts:
         other = sorted(here ^ {name for name in part.state if not _is_own(name)})
@@ -85,8 +86,9 @@ def fields(
         if rows:
             numbers = np.concatenate((asked[:0], *numbers))
             found.update(fetched(comm, numbers, rows, asked))
-    alike = {name for name, lies in spread.items() if lies is Spread.ALIKE}
-    found.update(comm.bcast({name: parts[0].state[name] for name in alike} if parts else None))
+    first = parts[0].state if parts else {}
+    alike = {n: first[n] for n, lies in spread.items() if lies is Spread.ALIKE and n in first}
+    found.update(comm.bcast(alike))
     return {name: value.reshape(state[name].shape) for name, value in found.items()}
 
 
