@@ -15,6 +15,7 @@ def test_a_small_one(tmp_path, capsys):
     assert found["peak_mib_with_snapshots"] >= found["peak_mib"] > 50.0
     # five files of the points, 165 bytes each and more, and five of the grid
     assert found["snapshot_bytes"][".vtu"] > 5 * 512 * 165
+    assert found["points_read"] == [512] * 5
     assert "step_s" in capsys.readouterr().out
 
 
