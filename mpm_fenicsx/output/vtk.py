@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
@@ -15,6 +18,7 @@ from ..common.files import complete, failing_together, named
 from .fields import Frame, Piece, grid_frame, grid_piece, points_piece, stress_piece
 from .vtu_file import HEXAHEDRON, QUAD, VERTEX, write, write_index
 
+_STEP = re.compile(r"""_(\d+)\.p?vtu["']/>""")
 FAILED = "snapshot not written"
 _CELL = {2: QUAD, 3: HEXAHEDRON}
 
@@ -41,7 +45,7 @@ class Snapshots:
     where it has nothing, points and cells once each; the collection names files
     ``<path>_points_000020.pvtu``, …, which name the pieces.  Each file replaces its forerunner only
     when complete, and is named only when it is there, so a run that dies leaves a series that
-    opens.
+    opens.  What another number of ranks has written of the same step goes once it is replaced.
 
     Raises ``ValueError`` for a ``path`` without name, ``every`` < 1, a ``grid_stress`` that is no
     bool or a second run; ``OSError``
@@ -107,7 +111,7 @@ class Snapshots:
     def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Go on with the collections of a checkpoint."""
         for series in self._series.values():
-            series.entries = state[series.path.name].tobytes().decode()
+            series.go_on_from(state[series.path.name].tobytes().decode())
 
 
 class _Series:
@@ -143,11 +147,34 @@ class _Series:
         entry = f'<DataSet timestep="{float(run.time)!r}" file={quoteattr(file.name)}/>\n'
         with failing_together(comm, FAILED, shown):
             if comm.rank == 0:
+                before = self._forerunners(name)
                 if comm.size > 1:
                     with complete(file) as part:
                         write_index(part, files.values(), x, *fields)
                 self._list(self.entries + entry)
+                for old in before - {file, *(file.parent / piece for piece in files.values())}:
+                    with suppress(OSError):
+                        old.unlink()
         self.entries += entry
+
+    def go_on_from(self, entries: str) -> None:
+        """List ``entries`` of a checkpoint, but for those of steps that have been written since:
+        files of another number of ranks have other names."""
+        named = {_STEP.search(entry)[1]: entry for entry in self.entries.splitlines(keepends=True)}
+        self.entries = "".join(
+            named.get(_STEP.search(entry)[1], entry) for entry in entries.splitlines(keepends=True)
+        )
+
+    def _forerunners(self, name: str) -> set[Path]:
+        """Files of one step that are there."""
+        one, index = (self.path.with_name(f"{name}.{kind}") for kind in ("vtu", "pvtu"))
+        found = {file for file in (one, index) if file.exists()}
+        if index in found:
+            with suppress(OSError, ElementTree.ParseError):
+                pieces = ElementTree.parse(index).iter("Piece")
+                names = {Path(piece.get("Source", "")).name for piece in pieces}
+                found |= {self.path / file for file in names if file.startswith(f"{name}_p")}
+        return found
 
     def _list(self, entries: str) -> None:
         """Write the collection."""
