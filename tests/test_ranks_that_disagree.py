@@ -97,6 +97,134 @@ else:
 print("same" if same else "other", flush=True)
 """
 
+FUNCTIONS = """
+import numpy as np
+soil = mpm.LinearElastic(young=2e6, poisson=0.25, density=1500.0)
+grid = mpm.Grid.box((0.0, 0.0), (2.0, 1.0), (8, 4))
+bad = grid.comm.rank == 1
+body = mpm.MaterialPoints.fill(grid, soil, 4, lambda x: x[1] < 0.5)
+top = body.surface("top")
+
+
+def one_of(wrong, right):
+    return wrong if bad else right
+
+
+def raising(answer):
+    def function(*arguments):
+        if bad:
+            raise KeyError("mine")
+        return answer(*arguments)
+
+    return function
+
+
+down = lambda t, x: np.tile((0.0, -1e3), (len(x), 1))
+still, half = lambda t: 0.0, lambda x: x[1] < 0.5
+WRONG = {
+    "shape": (lambda t, x: np.zeros((len(x) + 1, 2)), "must give 2 finite numbers, got"),
+    "nan": (lambda t, x: np.full((len(x), 2), np.nan), "must give 2 finite numbers, got"),
+    "text": (lambda t, x: "abc", "must give 2 finite numbers, got 'abc' at t=0"),
+    "raises": (raising(down), "which says at t=0: KeyError: 'mine'"),
+    "no function": ("abc", "must give 2 finite numbers, got 'abc'"),
+    "of time alone": (lambda t: (0.0, -1e3), "one of time and place on rank 0 and one of time"),
+}
+TERMS = {
+    "value of Traction": lambda f: mpm.Traction(top, f),
+    "value of DeadLoad": lambda f: mpm.DeadLoad(top, f),
+    "g of Gravity": lambda f: mpm.Gravity(f),
+    "value of Traction ": lambda f: mpm.Traction(grid.facets("bottom"), f),
+}
+
+
+def run(term):
+    mpm.Simulation(grid, body, mpm.Newmark(1e-3), [term])
+
+
+for name, term in TERMS.items():
+    for wrong, words in WRONG.values():
+        heard(name.strip(), words, lambda: run(term(one_of(wrong, down))))
+rows = np.zeros((len(top), 2))
+mixed, unknown = (mpm.Traction(top, one_of(load, rows)) for load in (down, rows + np.nan))
+heard("of one kind", "an array of rows on rank 0 and", lambda: run(mixed))
+heard("a load on surface points must be", "nan", lambda: run(unknown))
+for value, words in ((lambda t: "abc", "got 'abc'"), (raising(still), "KeyError"), (None, "kind")):
+    fixed = mpm.Fixed(grid.facets("bottom"), "y", value=one_of(value, still))
+    heard("Fixed", words, lambda: run(fixed))
+two = [
+    mpm.Fixed(grid.facets("bottom"), "y", value=still),
+    mpm.Fixed(grid.facets("left"), "y", value=one_of(lambda t: t, lambda t: 0.0 * t)),
+]
+heard("share the node", "Fixed", lambda: mpm.Simulation(grid, body, mpm.Newmark(1e-3), two))
+for function, words in (
+    (raising(half), " raises KeyError: 'mine'"),
+    (lambda x: one_of(np.ones(1 + x.shape[1], bool), half(x)), " must map (dim, n) to (n,)"),
+    (lambda x: one_of(np.full(x.shape[1], "a"), half(x)), " must say True or False"),
+):
+    heard("where" + words, "", lambda: body.surface("top", where=function))
+    heard("inside" + words, "", lambda: mpm.MaterialPoints.fill(grid, soil, 4, function))
+    box = lambda: mpm.Grid.box((0.0, 0.0), (2.0, 1.0), (8, 4), facets={"part": function})
+    heard("facets: 'part'" + words, "", box)
+    regions = [(soil, function), (soil, lambda x: ~half(x))]
+    heard("where" + words, "", lambda: mpm.FiniteElements(grid, regions, mpm.Newmark(1e-3), []))
+edge = lambda x: half(x) if one_of(np.allclose(x[1] % 0.25, 0.125), True) else 1 / 0
+regions = [(soil, edge), (soil, lambda x: ~half(x))]
+elements = lambda: mpm.FiniteElements(grid, regions, mpm.Newmark(1e-3), [])
+heard("where raises ZeroDivisionError", "", elements)
+column = mpm.MaterialPoints.fill
+clay = mpm.VonMises(soil, peak=1e4, residual=1e4, softening=0.0)
+for function, words in (
+    (raising(lambda x: 1e4 + x[0]), " raises KeyError: 'mine'"),
+    (lambda x: one_of("abc", 1e4 + x[0]), " must map (dim, n) to (n,), gave 'abc'"),
+):
+    given = {"peak": function}
+    heard("parameters: peak" + words, "", lambda: column(grid, clay, 4, parameters=given))
+print("done", flush=True)
+"""
+
+HEARD = """
+from mpi4py import MPI
+import mpm_fenicsx as mpm
+
+
+def heard(name, words, call):
+    error = None
+    try:
+        call()
+    except ValueError as refusal:
+        error = str(refusal)
+    said = MPI.COMM_WORLD.allgather(error)
+    assert error and name in error and words in error, (name, words, said)
+    assert len(set(said)) == 1, said
+"""
+
+WARNED = """
+import sys, warnings
+import mpm_fenicsx as mpm
+soil = mpm.LinearElastic(young=2e6, poisson=0.25, density=1500.0)
+grid = mpm.Grid.box((0.0, 0.0), (2.0, 1.0), (8, 4))
+body = mpm.MaterialPoints.fill(grid, soil, 4, lambda x: x[1] < 0.5)
+solver = mpm.Solver(petsc={"ksp_rtoll": 1e-8})
+terms = [mpm.Fixed(grid.facets("bottom")), mpm.Fixed(grid.facets("top"))]
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    run = mpm.Simulation(grid, body, mpm.Newmark(10.0), terms, solver=solver)
+    run.step()
+print("".join(f"{grid.comm.rank}: {str(w.message)[:40]}\\n" for w in said), flush=True)
+"""
+
+
+@pytest.mark.ranks
+def test_a_load_or_a_function_of_place_that_fails_on_one_rank_fails_on_all():
+    assert on_ranks(2, "-c", HEARD + FUNCTIONS).count("done") == 2
+
+
+@pytest.mark.ranks
+def test_what_all_ranks_find_is_warned_of_once():
+    said = on_ranks(2, "-c", WARNED)
+    assert said.count("0: with Newmark") == said.count("0: Fixed acts on the facets top") == 1
+    assert not re.search("^1: ", said, re.MULTILINE), said
+
 
 @pytest.mark.ranks
 def test_other_scenes_and_what_one_rank_raises_are_refused_on_all():

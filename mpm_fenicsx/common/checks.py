@@ -39,9 +39,9 @@ def between(name: str, value: float, low: float, high: float) -> float:
 
 def whole(name: str, value: int, least: int = 1) -> int:
     """Return ``value`` as an int, or raise ``ValueError`` naming it if it is not whole and >=
-    ``least``."""
+    ``least``; True and False are none."""
     number = finite(name, value)
-    if number != int(number) or number < least:
+    if isinstance(value, bool | np.bool_) or number != int(number) or number < least:
         raise ValueError(f"{name} must be a whole number of at least {least}, got {value!r}")
     return int(number)
 
@@ -102,12 +102,21 @@ def _of_numbers(value):
     return value
 
 
+def asked(name: str, function: Callable[[np.ndarray], object], x: np.ndarray):
+    """What a user's function says of the places x (dim, n), or raise ``ValueError`` naming it where
+    it raises."""
+    try:
+        return function(x)
+    except Exception as error:
+        raise ValueError(f"{name} raises {type(error).__name__}: {error}") from error
+
+
 def chosen(name: str, function: Callable[[np.ndarray], np.ndarray], x: np.ndarray) -> np.ndarray:
     """Which of the places x (dim, n) a function of x chooses, bool (n,), or raise ``ValueError``
-    naming it if that is not what it says."""
+    naming it if that is not what it says, or raises an error."""
     if not callable(function):
         raise ValueError(f"{name} must be a function of x (dim, n), got {in_short(function)}")
-    answer, (dim, n) = np.asarray(function(x)), x.shape
+    answer, (dim, n) = np.asarray(asked(name, function, x)), x.shape
     if answer.shape != (n,):
         one_place = (
             "; coordinates y are x[1]: x[:, 1] is one place" if answer.shape == (dim,) else ""

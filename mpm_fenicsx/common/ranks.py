@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import TypeVar
 
 from mpi4py import MPI
@@ -40,6 +41,13 @@ def anywhere(comm: MPI.Comm, message: T | None) -> T | None:
     if comm.size == 1:
         return message
     return next((m for m in comm.allgather(message) if m is not None), None)
+
+
+def warn(comm: MPI.Comm, message: str, stacklevel: int = 2) -> None:
+    """A ``UserWarning`` of what all ranks have found, shown by the first alone; where warnings are
+    errors, all raise it."""
+    with nullcontext() if comm.rank == 0 else warnings.catch_warnings(record=True):
+        warnings.warn(message, UserWarning, stacklevel=stacklevel + 1)
 
 
 @contextmanager

@@ -3,12 +3,11 @@ step."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
-from ..common.ranks import anywhere
+from ..common.ranks import anywhere, warn
 from ..grid.grid import Grid
 from .material_points import MaterialPoints
 
@@ -35,13 +34,13 @@ def warn_of_interfaces(
     thin = anywhere(grid.comm, next(filter(None, each), None))
     shared = grid.comm.allreduce(int(_shared(bodies, held).any(axis=0)[: grid.owned_cells].sum()))
     if thin:
-        warnings.warn(thin, UserWarning, stacklevel=2)
+        warn(grid.comm, thin, 2)
     elif shared:
-        warnings.warn(
+        warn(
+            grid.comm,
             f"bodies of different material share {shared} cells: stress is of first order only at "
             "an interface inside a cell; put grid lines on interfaces (Grid.rectilinear)",
-            UserWarning,
-            stacklevel=2,
+            2,
         )
 
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import warnings
+import weakref
 from collections.abc import Callable, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..common import tensors
-from ..common.checks import array, chosen, finite, in_short, one_of, whole
+from ..common.checks import array, asked, chosen, finite, in_short, numbers, one_of, whole
 from ..common.compiled import digits
 from ..common.random_numbers import uniform
 from ..common.ranks import together
@@ -50,6 +52,8 @@ class MaterialPoints:
     # (n,): which point it is, whatever rank it is on; only where a run has several ranks
     number: np.ndarray | None = field(default=None, init=False)
     _run_left: np.ndarray | None = field(default=None, init=False, repr=False)
+    # the grid that ``fill`` has filled
+    _grid: weakref.ref | None = field(default=None, init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         self.x = array("x", self.x)
@@ -102,6 +106,10 @@ class MaterialPoints:
                     f"{in_short(value)}"
                 )
             self.parameters[name] = column
+
+    def __getstate__(self) -> dict:
+        """A copy is of no grid."""
+        return {name: value for name, value in vars(self).items() if name != "_grid"}
 
     def __len__(self) -> int:
         return len(self.x)
@@ -232,7 +240,9 @@ class MaterialPoints:
             given = {name: _column(name, value, x) for name, value in (parameters or {}).items()}
         if material.length:
             given["size"] = (volume * per_cell) ** (1 / dim)
-        return cls(material, x, half, volume, parameters=given, exposed=exposed, seat=seat)
+        body = cls(material, x, half, volume, parameters=given, exposed=exposed, seat=seat)
+        body._grid = weakref.ref(grid)
+        return body
 
     def stretches(self, gradient: np.ndarray, smooth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Ratios of volumes (n,) and of the support domains' extents (n, dim) for displacement
@@ -272,11 +282,12 @@ class MaterialPoints:
         several.
 
         ``sides``: left, right, bottom, top, back or front, the way the outward normal points;
-        ``where`` maps face centres (dim, n) to bool (n,) and keeps a part.  Each face carries Gauss
-        points, so that its integrals are exact for cubics.  One surface of several sides costs less
-        than several surfaces.  A rank may hold none. Slopes and curves become staircases, of too
-        much area: a ``UserWarning`` says so.
-        Raises ``ValueError`` for a side that is not known.
+        ``where`` maps face centres (dim, n) to bool (n,) and keeps a part; with it all ranks come
+        here.  Each face carries Gauss points, so that its integrals are exact for cubics.  One
+        surface of several sides costs less than several surfaces.  A rank may hold none. Slopes and
+        curves become staircases, of too much area: a ``UserWarning`` says so.
+        Raises ``ValueError`` for a side that is not known, and on all ranks where ``where`` does
+        not say True or False of each place on one.
         """
         if not sides:
             raise ValueError("sides must name one side or several, got none")
@@ -284,9 +295,10 @@ class MaterialPoints:
             raise ValueError(
                 "surface needs points made by fill; give SurfacePoints(x, normal, area) instead"
             )
-        faces = [
-            self._faces(one_of("side", side, list(SIDES)[: 2 * self.dim]), where) for side in sides
-        ]
+        sides = [one_of("side", side, list(SIDES)[: 2 * self.dim]) for side in sides]
+        grid = self._grid and self._grid()
+        with nullcontext() if where is None or grid is None else together(grid.comm):
+            faces = [self._faces(side, where) for side in sides]
         stairs = [
             levels_of_a_slope(x, half, SIDES[side][0])
             for side, (x, half) in zip(sides, faces, strict=True)
@@ -339,9 +351,11 @@ def _column(name: str, function: Callable[[np.ndarray], np.ndarray], x: np.ndarr
             f"parameters: {name} must be a function of x (dim, n), m, got {in_short(function)}; "
             "what is the same everywhere is the material's own"
         )
-    value = np.asarray(function(x.T), float)
-    if value.shape != (len(x),):
+    given = asked(f"parameters: {name}", function, x.T)
+    value = numbers(given)
+    if value is None or value.shape != (len(x),):
+        gave = in_short(given) if value is None else value.shape
         raise ValueError(
-            f"parameters: {name} must map (dim, n) to (n,), gave {value.shape} for n={len(x)}"
+            f"parameters: {name} must map (dim, n) to (n,), gave {gave} for n={len(x)}"
         )
     return value

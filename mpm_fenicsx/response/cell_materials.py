@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 import zlib
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
@@ -13,7 +12,7 @@ from dolfinx import fem
 
 from ..common.checks import chosen
 from ..common.compiled import digits
-from ..common.ranks import anywhere, together
+from ..common.ranks import anywhere, together, warn
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid
 from ..mapping.shape_functions import Stencil
@@ -190,20 +189,21 @@ class CellMaterials:
         grid, x = self.grid, _corners(self.grid)
         near = x + INWARD * (x.mean(axis=1, keepdims=True) - x)
         held = np.zeros((len(self.materials), *x.shape[:2]), dtype=bool)
-        for material, where in zip(materials, regions, strict=True):
-            inside = _asked(where, near.reshape(-1, grid.dim)).reshape(x.shape[:2])
-            held[self.materials.index(material)] |= inside
+        with together(grid.comm):
+            for material, where in zip(materials, regions, strict=True):
+                inside = _asked(where, near.reshape(-1, grid.dim)).reshape(x.shape[:2])
+                held[self.materials.index(material)] |= inside
         whole = held[self.number, np.arange(grid.cells)].all(axis=1)[: grid.owned_cells]
         cut = np.flatnonzero(~whole)
         first = anywhere(grid.comm, f"{x[cut[0]].mean(axis=0)}" if len(cut) else None)
         if first:
             count = grid.comm.allreduce(len(cut))
-            warnings.warn(
+            warn(
+                grid.comm,
                 f"material: the edges of regions cut {count} cells, one with its centre at "
                 f"x={first}; each is taken to be of the material at its centre: let grid lines "
                 "follow the interface",
-                UserWarning,
-                stacklevel=4,
+                4,
             )
 
 
@@ -345,7 +345,7 @@ def _check_filling(
         _refuse(grid, message and f"{message}: use a mesh of the bodies")
     message = anywhere(grid.comm, message)
     if message:
-        warnings.warn(f"material: {message}", UserWarning, stacklevel=5)
+        warn(grid.comm, f"material: {message}", 5)
 
 
 def _filled(

@@ -118,7 +118,7 @@ class FiniteElements(Run):
         refuse_disagreement(scene)
         warn_of_doubtful(grid, self.terms)
         if b_bar:
-            warn_of_laws(materials.materials)
+            warn_of_laws(grid.comm, materials.materials)
         self.yielding = self._can_yield()
         self.equilibrium = Equilibrium(
             motion,

@@ -121,6 +121,7 @@ class Simulation(Run):
         warn_of_doubtful(grid, self.terms, self.bodies)
         if mapping.b_bar:
             warn_of_points(
+                grid.comm,
                 [body.material for body in self.bodies],
                 partly_filled(grid, self.bodies, self.cells),
                 stepping.dynamic,
@@ -265,7 +266,7 @@ class Simulation(Run):
         """Before the first step: doubts are said, and points that bring no acceleration take that
         of the balance."""
         warn_of_interfaces(self.grid, self.bodies, self.cells)
-        warn_of_courant(self.courant_number, self.stepping)
+        warn_of_courant(self.grid.comm, self.courant_number, self.stepping)
         comm = self.grid.comm
         given = [comm.allreduce(int(body.acceleration.any())) for body in self._unmoved]
         unmoved = [*self._left, *(b for b, n in zip(self._unmoved, given, strict=True) if not n)]

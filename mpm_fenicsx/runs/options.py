@@ -11,6 +11,7 @@ from enum import Enum
 import numpy as np
 
 from ..common.checks import an_object, in_short
+from ..common.ranks import warn
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid
@@ -70,15 +71,15 @@ def unusual(mapping: Mapping) -> str:
     return ", ".join(f"{name}={found[name]}" for name in OPTIONS if found[name] != usual[name])
 
 
-def warn_of_courant(number: float, stepping: Newmark | QuasiStatic) -> None:
+def warn_of_courant(comm, number: float, stepping: Newmark | QuasiStatic) -> None:
     """Warn of a step over which waves run through so many cells that units are likely amiss."""
     if stepping.dynamic and number > UNLIKELY:
-        warnings.warn(
+        warn(
+            comm,
             f"with {stepping} P waves run through {number:.3g} cells a step, and what they do is "
             "not resolved: Courant numbers are about 1; look at the units of dt (s), of the moduli "
             "(Pa) and of the density (kg/m³)",
-            UserWarning,
-            stacklevel=3,
+            3,
         )
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -13,6 +12,7 @@ from dolfinx import fem
 
 from ..common.checks import finite, one_of
 from ..common.errors import OutputError, RunError, SolverError
+from ..common.ranks import warn
 from ..common.spread import Part, Spread
 from ..dynamics.time_stepping import Newmark, QuasiStatic
 from ..grid import dolfinx_versions
@@ -376,11 +376,11 @@ class Run(Statics):
         last = self.steps + round(left)
         if abs(left - round(left)) > WHOLE:
             stop = self.time + round(left) * self.stepping.dt
-            warnings.warn(
+            warn(
+                self.grid.comm,
                 f"until({t}) stops at t = {stop:.6g}: from t = {self.time:.6g} it is no whole "
                 f"number of steps of {self.stepping.dt:.6g}",
-                UserWarning,
-                stacklevel=2,
+                2,
             )
         while self.steps < last:
             self.step()

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import warnings
 import weakref
 from collections.abc import Callable, Mapping
 from itertools import count
 
 import numpy as np
 from petsc4py import PETSc
+
+from ..common.ranks import warn
 
 RESCUE = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "mumps"}
 """For when the solver of a run fails."""
@@ -78,11 +79,11 @@ def warn_of_unread(ksp: PETSc.KSP, names: list[str]) -> None:
         return
     unread = [name for name in names if not table.used(own + name)]
     if unread:
-        warnings.warn(
+        warn(
+            ksp.comm,
             f"petsc: PETSc has not asked for {', '.join(unread)}: misspelt, or of a solver that is "
             "not at work here",
-            UserWarning,
-            stacklevel=2,
+            2,
         )
 
 

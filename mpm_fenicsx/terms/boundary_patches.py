@@ -59,14 +59,20 @@ class FacetPatch:
     def held(self, value):
         """A load (Pa) that is a vector field on the mesh, taken as it is; None for any other.
 
-        Raises ``ValueError`` for a field on another mesh or of another size.
+        Raises ``ValueError``, on all ranks, for a field on another mesh or of another size.
         """
         if not isinstance(value, fem.Function):
             return None
-        if value.function_space.mesh is not self.grid.mesh or value.ufl_shape != (self.grid.dim,):
-            raise ValueError(
-                f"a field on facets must be a vector on the grid's mesh, got {value!r}"
-            )
+        of_grid = value.function_space.mesh is self.grid.mesh
+        fits = of_grid and value.ufl_shape == (self.grid.dim,)
+        message = anywhere(
+            self.grid.comm,
+            None
+            if fits
+            else f"a field on facets must be a vector on the grid's mesh, got {value!r}",
+        )
+        if message:
+            raise ValueError(message)
         self.on_the_mesh = True
         return value
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from itertools import combinations
 
 import numpy as np
 
+from ..common.ranks import warn
 from ..grid.grid import Grid, GridSurface
 from ..points.material_points import MaterialPoints
 from ..points.surface_points import SurfacePoints
@@ -24,22 +24,22 @@ def warn_of_doubtful(grid: Grid, terms: Sequence, bodies: Sequence[MaterialPoint
     absorbing = [term for term in terms if isinstance(term, ViscousBoundary)]
     for one, other in combinations(absorbing, 2):
         if _alike(one.on, other.on):
-            _warn(
+            warn(
+                grid.comm,
                 f"{type(one).__name__} and {type(other).__name__} act on the same surface, and "
-                "their dashpots add up: name one of them"
+                "their dashpots add up: name one of them",
+                3,
             )
     for term in absorbing:
         inner, of = _inner(term.on, bodies) if isinstance(term.on, SurfacePoints) else (0, 0)
         inner, of = grid.comm.allreduce(inner), grid.comm.allreduce(of)
         if 2 * inner > of:
-            _warn(
+            warn(
+                grid.comm,
                 f"{type(term).__name__} acts on a surface inside the soil: in front of {inner} of "
-                f"its {of} points there is material; its dashpots hold that to the ground at rest"
+                f"its {of} points there is material; its dashpots hold that to the ground at rest",
+                3,
             )
-
-
-def _warn(message: str) -> None:
-    warnings.warn(message, UserWarning, stacklevel=4)
 
 
 def _alike(one, other) -> bool:

@@ -42,10 +42,20 @@ class Traction:
         return Contribution(work, force=work, energy=energy)
 
     def _load(self, scene: Scene, patch) -> Callable:
+        name = "value of Traction"
+        scene.check_alike(name, _kind(self.value))
         held = patch.held(self.value)
         if held is None:
-            return partial(patch.load, *scene.load("value of Traction", self.value))
+            return partial(patch.load, *scene.load(name, self.value))
         return lambda mean=False: held if mean else scene.motion.known(held)
+
+
+def _kind(value) -> str:
+    """What a load is, as far as ranks have to do the same with it."""
+    if isinstance(value, fem.Function):
+        return "a field on the mesh"
+    rows = isinstance(value, np.ndarray) and value.ndim == 2
+    return "an array of rows" if rows else "numbers or a function"
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 from dolfinx import fem
 
-from ..common.ranks import anywhere
+from ..common.ranks import anywhere, together
 from .contribution import Contribution
 from .load_functions import of_time
 from .scene import Scene
@@ -38,21 +38,21 @@ def refuse_disagreement(scene: Scene) -> None:
         return
 
     def look(start: float, end: float) -> None:
-        fault = next(filter(None, (_difference(*both, start, end) for both in meeting)), None)
-        if fault:
-            raise ValueError(fault)
+        with together(scene.grid.comm):
+            fault = next(filter(None, (_difference(*both, start, end) for both in meeting)), None)
+            if fault:
+                raise ValueError(fault)
 
     dt = scene.motion.stepping.dt
-    for step in range(AHEAD if scene.motion.stepping.dynamic else round(1.0 / dt)):
-        try:
-            fault = next(
-                filter(None, (_difference(*both, step * dt, (step + 1) * dt) for both in meeting)),
-                None,
-            )
-        except Exception:  # of a record that ends before: the run may, too
-            break
-        if fault:
-            raise ValueError(fault)
+    with together(scene.grid.comm):
+        for step in range(AHEAD if scene.motion.stepping.dynamic else round(1.0 / dt)):
+            try:
+                look_at = (_difference(*both, step * dt, (step + 1) * dt) for both in meeting)
+                fault = next(filter(None, look_at), None)
+            except Exception:  # of a record that ends before: the run may, too
+                break
+            if fault:
+                raise ValueError(fault)
     scene.contributions.append(Contribution(before=[look]))
 
 

@@ -8,13 +8,12 @@ that have material.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 
 import numpy as np
 from dolfinx import fem
 
-from ..common.ranks import anywhere
+from ..common.ranks import anywhere, warn
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid
 from ..mapping.shape_functions import Stencil
@@ -63,12 +62,12 @@ def check_reach(
             )
         if touched < (1.0 - WHOLE) * area:
             unit = "m" if scene.grid.dim == 2 else "m²"
-            warnings.warn(
+            warn(
+                scene.grid.comm,
                 f"{names} {act} on {where}, of which nodes with material bear "
                 f"{100 * touched / area:.3g} % only, {touched:.4g} of {area:.4g} {unit}: the rest "
                 "is lost",
-                UserWarning,
-                stacklevel=3,
+                3,
             )
 
 
@@ -146,11 +145,11 @@ def _check_support(scene: Scene, term: Fixed, there: np.ndarray) -> None:
             f"on: Fixed acts on the facets {bare}, where there is no material; let the grid end "
             "where the body ends, or name facets beside it"
         )
-    warnings.warn(
+    warn(
+        scene.grid.comm,
         f"Fixed acts on the facets {bare}, where there is no material at the start: there it holds "
         "nothing until some comes",
-        UserWarning,
-        stacklevel=4,
+        4,
     )
 
 

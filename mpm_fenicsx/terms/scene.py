@@ -3,7 +3,6 @@ on."""
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -11,7 +10,7 @@ import numpy as np
 import ufl
 
 from ..common.checks import in_short
-from ..common.ranks import anywhere, together
+from ..common.ranks import anywhere, together, warn
 from ..common.spread import Spread
 from ..dynamics.motion import Motion
 from ..grid.form_degree import degree
@@ -109,12 +108,27 @@ class Scene:
         return found
 
     def load(self, name: str, value) -> tuple[Load, bool]:
-        """A load as ``as_load`` returns it, with an eye on its values."""
+        """A load as ``as_load`` returns it, with an eye on its values.  Collective; raises
+        ``ValueError`` on all ranks, also where one gives a load that depends on place and another
+        one that does not."""
         low, high = self.grid.lower_corner, self.grid.upper_corner
         places = low + np.linspace(0.1, 0.9, TRIALS)[:, None] * (high - low)
-        load, placed = as_load(name, value, self.grid.dim, places)
+        with together(self.grid.comm, Exception):
+            load, placed = as_load(name, value, self.grid.dim, places)
+        self.check_alike(name, "one of time and place" if placed else "one of time alone")
         self.loads.append(load)
         return load, placed
+
+    def check_alike(self, name: str, kind: str) -> None:
+        """Raise ``ValueError``, on all ranks, naming ``name`` where they have not given it as the
+        same ``kind``: they would wait for one another for ever.  Collective."""
+        first, *others = self.grid.comm.allgather(kind)
+        for rank, other in enumerate(others, start=1):
+            if other != first:
+                raise ValueError(
+                    f"{name} must be of one kind on all ranks, got {first} on rank 0 and {other} "
+                    f"on rank {rank}"
+                )
 
     def prepare(self, start: float, end: float) -> None:
         """Bring coefficients to the step from ``start`` to ``end`` (s).
@@ -162,12 +176,12 @@ class Scene:
                 gone = [q for q in gone if q not in same]
                 new += [] if same else [p]
         if gone and new:
-            warnings.warn(
+            warn(
+                self.grid.comm,
                 f"start: springs on {new[0]} start unstressed, and what those of the run before "
                 f"bear on {gone[0]} is gone: give the same facets, or the same surface points, if "
                 "they are the same springs",
-                UserWarning,
-                stacklevel=4,
+                4,
             )
 
     def carry(self) -> None:

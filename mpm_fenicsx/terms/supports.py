@@ -9,6 +9,7 @@ import numpy as np
 from dolfinx import fem
 
 from ..common.checks import one_of
+from ..common.ranks import together
 from ..dynamics.motion import KnownMotion
 from ..dynamics.prescribed_motion import AccelerationRecord, Displacement, Prescribed, WholeMotion
 from ..grid.grid import GridSurface
@@ -48,8 +49,10 @@ class Fixed:
         """Add Dirichlet conditions to the scene."""
         if not isinstance(self.on, GridSurface):
             raise ValueError(f"Fixed acts on facets of the grid, got {type(self.on).__name__}")
-        prescribed = self._prescribed(scene.motion.stepping.dynamic)
         grid = scene.grid
+        with together(grid.comm, Exception):
+            prescribed = self._prescribed(scene.motion.stepping.dynamic)
+        scene.check_alike("motion of Fixed", getattr(prescribed, "description", "none"))
         if self.on.grid is not grid:
             raise ValueError(f"on: the facets {self.on.names} belong to another grid")
         axes = "xyz"[: grid.dim]
