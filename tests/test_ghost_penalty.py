@@ -245,6 +245,30 @@ def test_what_makes_no_sense_is_refused(given, message):
         mpm.GhostPenalty(**given)
 
 
+def test_where_a_hair_of_a_body_does_not_settle_it_says_so_early_and_what_is_left_can_be_accepted():
+    """The upper layer of a slope settles until it ends 6e-5 of a cell beyond a grid line."""
+    grid = mpm.Grid.box((0.0, 0.0), (3.0, 3.0), (6, 6))
+    layers = [
+        mpm.MaterialPoints.fill(grid, mpm.LinearElastic(young, 0.3, density), 4, inside)
+        for young, density, inside in (
+            (5e7, 1800.0, lambda x: x[1] < 1.0),
+            (1e7, 1500.0, lambda x: (x[1] > 1.0) & (x[1] < 2.1 - 0.3 * x[0])),
+        )
+    ]
+    terms = [
+        mpm.Gravity((0.0, -9.81)),
+        mpm.Fixed(grid.facets("left", "right"), "x"),
+        mpm.Fixed(grid.facets("bottom")),
+        mpm.GhostPenalty(),
+    ]
+    run = mpm.Simulation(grid, layers, mpm.QuasiStatic(steps=1), terms)
+    run.step()
+    message = r"after 1\d\d steps .* no progress in the last 50 steps.*settle\(tolerance=2e-07\)"
+    with pytest.raises(mpm.RunError, match=message):
+        run.settle()
+    assert run.settle(tolerance=2e-7) <= 2e-7
+
+
 def test_two_of_them_are_refused():
     with pytest.raises(ValueError, match="one term on the facets"):
         block(2, 0.0, mpm.DM_GC, mpm.Newmark(DT), [mpm.GhostPenalty(), mpm.GhostPenalty()])

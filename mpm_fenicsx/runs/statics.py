@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import warnings
+from collections.abc import Sequence
 
 import numpy as np
 
 from ..common.checks import positive, whole
 from ..common.errors import RunError
+from ..common.ranks import warn
 from ..solver.rigid_motions import free_motion
 from ..terms.loads import Traction
 from .reactions import tractions
 
+STALL, ALIKE = 50, 0.01
+"""So many steps whose least and most imbalance are those of as many before, to that part, bring no
+progress: more of them do not either."""
 OUT_OF_BALANCE = 1e-5
 """Relative to the forces at work: with more reactions are not those at rest."""
 
@@ -64,8 +68,8 @@ class Statics:
         force at the points (eq. 7 is not: about 0.45 of it is left each time).  ``tolerance`` (-):
         largest imbalance of ``balance``, relative to loads and internal force; ``steps``: how often
         at most.  Recorders are not called.
-        Raises ``RunError`` where that does not suffice, ``ValueError`` in dynamics and for what
-        supports leave free.
+        Raises ``RunError`` where that does not suffice, or the last 50 steps made no progress;
+        ``ValueError`` in dynamics and for what supports leave free.
         """
         self._at_rest("settle")
         self.check_supports()
@@ -73,11 +77,18 @@ class Statics:
         self._begin_once()
         found = [self.balance()[1]]
         while not found[-1] <= tolerance:
-            if len(found) > steps:
+            stalls = _stalls(found)
+            if stalls or len(found) > steps:
                 last = ", ".join(f"{value:.1e}" for value in found[-3:])
+                stuck = (
+                    f"; no progress in the last {STALL} steps, as where a body ends a hair beyond "
+                    "a grid line and GhostPenalty takes the place of ties: accept what is left by "
+                    f"settle(tolerance={_above(max(found[-STALL:]))})"
+                )
                 raise RunError(
-                    f"{self.name}: out of balance by {last} after {steps} steps at t = "
+                    f"{self.name}: out of balance by {last} after {len(found) - 1} steps at t = "
                     f"{self.time:.6g}; allowed {tolerance:.1e}; {self.equilibrium.largest()}"
+                    + (stuck if stalls else "")
                 )
             with self.reported():
                 self.advance(self.time, self.time)
@@ -96,14 +107,28 @@ class Statics:
         equilibrium = self.equilibrium
         borne, left = self.balance()
         if left > OUT_OF_BALANCE:
-            warnings.warn(
+            warn(
+                self.grid.comm,
                 f"reactions of a run that is out of balance by {left:.2g} of its forces: what they "
                 "take the place of moves when it is set free; settle() first",
-                UserWarning,
-                stacklevel=2,
+                2,
             )
         return tractions(self.scene, equilibrium.fixed, borne, surfaces, equilibrium.ties)
 
     def _at_rest(self, name: str) -> None:
         if self.stepping.dynamic:
             raise ValueError(f"{name} needs a quasi-static run, got {self.stepping}")
+
+
+def _stalls(found: Sequence[float]) -> bool:
+    """Whether imbalances (n,) of steps are those of the steps before."""
+    if len(found) < 2 * STALL:
+        return False
+    before, now = found[-2 * STALL : -STALL], found[-STALL:]
+    return all(abs(look(now) - look(before)) <= ALIKE * abs(look(before)) for look in (min, max))
+
+
+def _above(value: float) -> str:
+    """A number of one digit that is larger."""
+    size = 10.0 ** np.floor(np.log10(value))
+    return f"{np.ceil(1.05 * value / size) * size:.0e}"

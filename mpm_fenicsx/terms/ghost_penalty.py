@@ -34,7 +34,8 @@ class GhostPenalty:
     γ_K ``stiffness`` and γ_M ``mass`` (-), with the moduli and density of cells when full. Motions
     linear in x have no jump: they do not feel it, and linear and angular momentum are as without
     it. Of u it is the increment of the
-    step that counts, so that nothing is left of it in equilibrium (``settle``).  A node is light
+    step that counts, so that nothing is left of it in equilibrium (``settle``; but what pulls at a
+    node that the body reaches by a hair, steps do not balance: docs/limits.md).  A node is light
     where no cell around gives it the part ``below`` of what a full cell gives; β goes from 0 there
     to 1 where there is nothing.  ``mass`` plays no part in statics. A finite element run, where
     cells are full, adds nothing.
