@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pages import HOME, blocks
 from test_ranks import on_ranks
 from test_restart_on_ranks import CLAY, EXACT, SOFT, STRETCHED
 
@@ -131,6 +132,7 @@ def test_it_goes_on_bit_for_bit_from_a_checkpoint(law, divided):
     [
         ({"above": 1.0}, "above must be more than 1, which is balance, got 1.0"),
         ({"every": 0}, "every must be a whole number of at least 1, got 0"),
+        ({"every": True}, "every must be a whole number of at least 1, got True"),
         ({"cell": -1.0}, "cell must be at least 0 points' worth, got -1.0"),
     ],
 )
@@ -191,6 +193,48 @@ for before, after in ((None, often), (often, None)):
 @pytest.mark.ranks
 def test_it_can_be_switched_on_and_off_at_a_restart(tmp_path):
     assert on_ranks(2, "-c", SWITCHED, tmp_path / "state.npz").count("goes on") == 4
+
+
+GATHERED = """
+import sys
+import numpy as np, mpm_fenicsx as mpm
+soil = mpm.LinearElastic(young=2e6, poisson=0.25, density=1500.0)
+grid = mpm.Grid.box((0.0, 0.0), (4.0, 1.0), (16, 4))
+body = mpm.MaterialPoints.fill(grid, soil, 4, lambda x: (x[0] < 1.5) & (x[1] < 0.5))
+body.velocity = np.tile((20.0, 0.0), (len(body), 1))
+recipe, out = sys.argv[1:]
+exec(recipe)
+run = mpm.Simulation(
+    grid,
+    body,
+    mpm.Newmark(5e-3),
+    [load],
+    solver=mpm.Solver(petsc={"ksp_rtol": 1e-13}),
+    repartition=mpm.Repartition(above=1.05, every=2),
+)
+probe = run.record(mpm.Probe("velocity", (0.6, 0.3)))
+for _ in range(16):
+    run.step()
+divisions = run.state()["repartition"][1]
+if grid.comm.rank == 0:
+    np.savez(out, velocity=probe.values, divisions=divisions)
+"""
+
+
+@pytest.mark.ranks
+def test_loads_row_by_row_go_on_where_the_surface_is_gathered(tmp_path):
+    """The recipe of docs/how_to/several_ranks.md."""
+    page = (HOME / "docs" / "how_to" / "several_ranks.md").read_text()
+    (recipe,) = (block.source for block in blocks(page) if "allgather" in block.source)
+    found = []
+    for ranks in (1, 2):
+        out = tmp_path / f"{ranks}.npz"
+        on_ranks(ranks, "-c", GATHERED, recipe, out)
+        found.append(np.load(out))
+    one, two = found
+    assert one["divisions"] == 0 and two["divisions"] > 0
+    difference = np.abs(two["velocity"] - one["velocity"]).max()
+    assert difference < TOLERANCE * np.abs(one["velocity"]).max()
 
 
 OWN_ROWS = """
