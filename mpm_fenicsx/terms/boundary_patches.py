@@ -93,6 +93,14 @@ class FacetPatch:
         self._refresh.append(refresh)
         return f
 
+    def pressure(self, function: Load, placed: bool, mean: bool = False):
+        """The load (Pa) of a pressure against the outward normal of the mesh."""
+
+        def everywhere(t: float, x: np.ndarray) -> np.ndarray:
+            return np.repeat(function(t, x), self.grid.dim, axis=-1)
+
+        return -self.load(everywhere, placed, mean)[0] * ufl.FacetNormal(self.grid.mesh)
+
     def stored(self, along: float, across: float):
         """Traction (Pa) of springs that have accumulated the displacement so far."""
         if self._total is None:
@@ -353,6 +361,15 @@ class PointPatch:
             return np.broadcast_to(value, x.shape)
 
         return ufl.as_vector(self._field(self.grid.dim, values))
+
+    def pressure(self, function: Load, placed: bool, mean: bool = False):
+        """The load (Pa) of a pressure against the outward normals as they are when the step
+        begins."""
+
+        def against(t: float, x: np.ndarray) -> np.ndarray:
+            return -function(t, x) * self.points.normal
+
+        return self.load(against, True, mean)
 
     def stored(self, along: float, across: float):
         """Traction (Pa) of springs that have accumulated the points' displacement so far."""
