@@ -25,6 +25,10 @@ seen but where it leaves its edges."""
 LEAST = 1e-6
 """Of a support domain: a point that stands for less is left out, and one that lacks less is
 whole."""
+NEAR = 0.02
+"""Of a box: an edge that far from where it should be is bent there."""
+AGAIN, TIMES = 4, 3
+"""Boxes along each side of one in which the edge is bent, and how often boxes are divided so."""
 AT_ONCE = 1_000_000
 """Places that a function is asked for in one call."""
 
@@ -87,6 +91,7 @@ class Cuts:
 
     def __init__(self, lower: np.ndarray, size: np.ndarray, within: np.ndarray, inside: Inside):
         self.boxes, self.dim = len(lower), lower.shape[1]
+        self._inside, self._size = inside, size
         self._parts: list[tuple[np.ndarray, np.ndarray]] = []
         self._faces: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
         place, dim = digits(2, self.dim), self.dim
@@ -143,6 +148,17 @@ class Cuts:
         normal[back] *= -1.0
         return box, vertices, normal
 
+    def bent(self) -> np.ndarray:
+        """Boxes (m,) in which the edge is none of the flat faces, as at a corner: beside the middle
+        of one the body begins or ends elsewhere."""
+        of, vertices, normal = self.faces()
+        area = np.sqrt((normal**2).sum(axis=1))
+        there = area > 0.0
+        of, middle = of[there], vertices[there].mean(axis=1)
+        aside = NEAR * self._size[of] * normal[there] / area[there, None]
+        wrong = self._inside((middle + aside).T) | ~self._inside((middle - aside).T)
+        return np.unique(of[wrong])
+
 
 def _last_inside(a: np.ndarray, b: np.ndarray, inside: Inside) -> np.ndarray:
     """Where ways from places a inside to places b outside (n, dim) leave the body."""
@@ -176,11 +192,11 @@ def inside_of_domains(
     cut[points * at + domain[number]] = True
     at, number = np.nonzero(within.any(axis=2) & cut.reshape(own, points)[:, domain])
     corner = lower[at] + digits(parts, dim)[number] * box[at]
-    rest = Cuts(corner, box[at], within[at, number], inside).volumes()
     of = points * at + domain[number]
-    volume += np.bincount(of, rest[0], len(volume))
+    inner = _volumes(corner, box[at], within[at, number], inside, TIMES)
+    volume += np.bincount(of, inner[0], len(volume))
     for d in range(dim):
-        moment[:, d] += np.bincount(of, rest[1][:, d], len(volume))
+        moment[:, d] += np.bincount(of, inner[1][:, d], len(volume))
     full = np.zeros((own, points), dtype=bool)
     full[:, domain] = within.all(axis=2)
     part = np.where(cut, volume / (2.0 * half[:own]).prod(axis=2).ravel(), full.ravel())
@@ -190,3 +206,22 @@ def inside_of_domains(
     rows = np.flatnonzero((part > 0.0) & (part < 1.0))
     centre.reshape(-1, dim)[rows] = moment[rows] / volume[rows, None]
     return found, centre
+
+
+def _volumes(
+    lower: np.ndarray, size: np.ndarray, within: np.ndarray, inside: Inside, times: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """What ``Cuts.volumes`` says, with boxes in which the edge is bent divided again."""
+    cuts, dim = Cuts(lower, size, within, inside), lower.shape[1]
+    volume, moment = cuts.volumes()
+    bent = cuts.bent() if times else np.zeros(0, int)
+    if len(bent):
+        part = size[bent] / AGAIN
+        there = boxes_of(corners(lower[bent], size[bent], AGAIN, inside), dim)
+        at, number = np.nonzero(there.any(axis=2))
+        corner = lower[bent][at] + digits(AGAIN, dim)[number] * part[at]
+        inner = _volumes(corner, part[at], there[at, number], inside, times - 1)
+        volume[bent] = np.bincount(at, inner[0], len(bent))
+        for d in range(dim):
+            moment[bent, d] = np.bincount(at, inner[1][:, d], len(bent))
+    return volume, moment

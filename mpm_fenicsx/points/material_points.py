@@ -320,8 +320,8 @@ class MaterialPoints:
                 f"surface: {side} is a staircase of {max(stairs)} levels, as of a slope or a "
                 f"curve, whose faces have up to {1.41 if self.dim == 2 else 1.73} times the true "
                 "area (a circle's 1.27 times): loads and dashpots on them are too large by that; "
-                "take a flat part by where=..., or SurfacePoints(x, normal, area) along the true "
-                "edge",
+                "take a flat part by where=..., or SurfacePoints.line, polygon, circle or "
+                "level_set along the true edge, with fill(..., cut=True)",
                 UserWarning,
                 stacklevel=2,
             )

@@ -11,6 +11,9 @@ from ..common import tensors
 from ..common.checks import array
 from . import surface_shapes
 
+SLANTED = 1e-9
+"""A normal whose largest component is less than one by that is along no axis."""
+
 
 @dataclass
 class SurfacePoints:
@@ -118,18 +121,25 @@ class SurfacePoints:
 
     @classmethod
     def level_set(
-        cls, grid, function: Callable[[np.ndarray], np.ndarray], per_cell: int = 4
+        cls, grid, function: Callable[[np.ndarray], np.ndarray], per_cell: int | None = None
     ) -> SurfacePoints:
         """Where ``function`` of x (dim, n), m, to (n,) is zero on a grid, in 2D or 3D; it is
         negative inside the body, and the outward normal points to where it is positive.
 
-        Each cell is divided in ``per_cell`` = k^dim boxes and these in simplices, in which the
-        surface is flat between the zeros on their edges: of second order in the boxes' size.  On
-        several ranks each makes the faces in its own cells.
+        Each cell is divided in ``per_cell`` = k^dim boxes (16 in 2D and 8 in 3D, if None) and these
+        in simplices, in which the surface is flat between the zeros on their edges: of second order
+        in the boxes' size.  On several ranks each makes the faces in its own cells.
         Raises ``ValueError`` for a function without a zero on the grid or with a value that is
         none, or a ``per_cell`` that is no k^dim.  Collective.
         """
         return cls._of(surface_shapes.level_set(grid, function, per_cell))
+
+    @property
+    def slanted(self) -> bool:
+        """Whether it was made for an edge of any slope, and some of it has one."""
+        return self.cuts_cells and bool(
+            (np.abs(self.normal).max(axis=1, initial=0.0) < 1.0 - SLANTED).any()
+        )
 
     @classmethod
     def _of(cls, shape: surface_shapes.Shape) -> SurfacePoints:

@@ -28,6 +28,8 @@ NEAR = 1e-12
 SLIVER = 1e-9
 """Of a box's sides: faces smaller than that are left out, and a function of a level set that small
 beside its largest value is zero."""
+PER_CELL = {2: 16, 3: 8}
+"""Boxes of a cell in which a level set is flat, unless it is said how many."""
 ALONG = 0.9
 """Of their area: faces in one box of which less adds up are sheets of their own."""
 
@@ -83,15 +85,18 @@ def circle(centre: Sequence[float], radius: float, spacing: float, hole: bool = 
     return centre + radius * away, -away if hole else away, area, 2
 
 
-def level_set(grid, function: Callable[[np.ndarray], np.ndarray], per_cell: int = 4) -> Shape:
+def level_set(
+    grid, function: Callable[[np.ndarray], np.ndarray], per_cell: int | None = None
+) -> Shape:
     """Where a function of x (dim, n), m, to (n,) is zero, in this rank's own cells; outward is
     where it is positive.
 
     Cells are divided in ``per_cell`` = k^dim boxes, these in simplices; what is zero in a simplex
-    is a segment, in 2D with two Gauss points.  In 3D the triangles of a box are one point.
+    is flat: in 2D a segment with two Gauss points; in 3D the triangles of a box are four points.
     """
     dim, lattice = grid.dim, grid.lattice
-    k = round(whole("per_cell", per_cell) ** (1 / dim))
+    per_cell = PER_CELL[dim] if per_cell is None else whole("per_cell", per_cell)
+    k = round(per_cell ** (1 / dim))
     if k**dim != per_cell:
         kind = "square" if dim == 2 else "cube"
         raise ValueError(f"per_cell must be a {kind} of a whole number, got {per_cell}")
@@ -122,21 +127,34 @@ def level_set(grid, function: Callable[[np.ndarray], np.ndarray], per_cell: int 
         middle, way = vertices.mean(axis=1), 0.5 * (vertices[:, 1] - vertices[:, 0])
         x = (middle[:, None] + GAUSS[:, None] * way[:, None]).reshape(-1, 2)
         return x, np.repeat(normal / area[:, None], 2, axis=0), np.repeat(area / 2.0, 2), 2
-    return *_joined(of, vertices.mean(axis=1), normal, area), 1
+    x, normal, area = _joined(of, vertices, normal, area)
+    return np.clip(x, grid.lower_corner, grid.upper_corner), normal, area, 1
 
 
 def _joined(
-    of: np.ndarray, x: np.ndarray, normal: np.ndarray, area: np.ndarray
+    of: np.ndarray, vertices: np.ndarray, normal: np.ndarray, area: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Faces (n,) in boxes ``of`` as one point a box, where they are one sheet."""
+    """Triangles (n, 3, 3) in boxes ``of`` (n,) as four points a box, where they are one sheet:
+    with its area, its centre and the second moments of its area in its plane."""
     _, of = np.unique(of, return_inverse=True)
-    whole_area, whole_normal, middle = _summed(of, area, normal, area[:, None] * x)
-    sheet = np.sqrt((whole_normal**2).sum(axis=1)) > ALONG * whole_area
-    own = np.flatnonzero(~sheet[of])
-    x = np.concatenate((middle[sheet] / whole_area[sheet, None], x[own]))
-    normal = np.concatenate((whole_normal[sheet], normal[own]))
-    area = np.concatenate((whole_area[sheet], area[own]))
-    return x, normal / np.sqrt((normal**2).sum(axis=1))[:, None], area
+    (whole,) = _summed(of, area)
+    (along,) = _summed(of, normal)
+    sheet = np.sqrt((along**2).sum(axis=1)) > ALONG * whole
+    own = np.flatnonzero(~sheet[of])  # several sheets: each triangle is on its own
+    of = np.where(sheet[of], of, -1)
+    of[own] = len(whole) + np.arange(len(own))
+    _, of = np.unique(of, return_inverse=True)
+    whole, along, first = _summed(of, area, normal, area[:, None] * vertices.mean(axis=1))
+    centre = first / whole[:, None]
+    arm = vertices - centre[of][:, None]
+    arm = np.concatenate((arm, arm.sum(axis=1, keepdims=True)), axis=1)
+    (second,) = _summed(of, area[:, None, None] / 12.0 * np.einsum("nki,nkj->nij", arm, arm))
+    size, axis = np.linalg.eigh(second / whole[:, None, None])
+    reach = np.sqrt(np.maximum(size, 0.0))[:, None, 1:] * axis[:, :, 1:]  # of the two largest
+    sign = 2.0 * digits(2, 2) - 1.0
+    x = centre[:, None] + np.einsum("ka,nia->nki", sign, reach)
+    normal = along / np.sqrt((along**2).sum(axis=1))[:, None]
+    return x.reshape(-1, 3), np.repeat(normal, 4, axis=0), np.repeat(whole / 4.0, 4)
 
 
 def _summed(of: np.ndarray, *values: np.ndarray) -> list[np.ndarray]:

@@ -141,6 +141,10 @@ class FacetPatch:
         where = f"the facets {', '.join(self.surface.names)}"
         return where, *on_facets(self.grid, self.surface, there)
 
+    def far_from(self, there: np.ndarray) -> str | None:
+        """Facets may lie where a body is yet to come."""
+        return None
+
     def __str__(self) -> str:
         return f"the facets {self.surface.names}"
 
@@ -407,6 +411,13 @@ class PointPatch:
             comm.allreduce(float(points.area @ share)),
             comm.allreduce(float(points.area.sum())),
         )
+
+    def far_from(self, there: np.ndarray) -> str | None:
+        """Where a point of a surface of any slope lies of which no node (nodes,) is ``there``, on
+        any rank.  Found by ``touched`` before.  Collective."""
+        bare = np.flatnonzero(self.faces.weights @ there <= 0.0)
+        lost = str(self.points.x[bare[0]]) if self.points.cuts_cells and len(bare) else None
+        return anywhere(self.grid.comm, lost)
 
     def __str__(self) -> str:
         return f"{len(self.points)} surface points"
