@@ -162,12 +162,12 @@ class Cuts:
 
 def _last_inside(a: np.ndarray, b: np.ndarray, inside: Inside) -> np.ndarray:
     """Where ways from places a inside to places b outside (n, dim) leave the body."""
-    a, b = a.copy(), b.copy()
+    a, way = a.T, (b - a).T
+    t, step = np.zeros(a.shape[1]), 0.5
     for _ in range(HALVINGS):
-        middle = 0.5 * (a + b)
-        there = inside(middle.T)
-        a[there], b[~there] = middle[there], middle[~there]
-    return 0.5 * (a + b)
+        t += step * inside(a + (t + step) * way)
+        step *= 0.5
+    return (a + (t + step) * way).T
 
 
 def inside_of_domains(

@@ -26,8 +26,9 @@ FLAT = 1e-9
 NEAR = 1e-12
 """Of the square of a polygon's extent: three corners that span less lie on a line."""
 SLIVER = 1e-9
-"""Of a box's sides: faces smaller than that are left out, and a function of a level set that small
-beside its largest value is zero."""
+"""Of a box's sides: faces smaller than that are left out."""
+ZERO = 1e-12
+"""Of the largest value of a level set's function: what is less is zero, where round-off may be."""
 PER_CELL = {2: 16, 3: 8}
 """Boxes of a cell in which a level set is flat, unless it is said how many."""
 ALONG = 0.9
@@ -104,7 +105,7 @@ def level_set(
     lower, size = lattice.lower[own], (lattice.upper - lattice.lower)[own]
     with together(grid.comm, Exception):
         largest = 0.0 if not len(lower) else _largest(function, lower, size)
-    zero = SLIVER * grid.comm.allreduce(largest, op=MPI.MAX)
+    zero = ZERO * grid.comm.allreduce(largest, op=MPI.MAX)
 
     def inside(x: np.ndarray) -> np.ndarray:
         return _values(function, x) < -zero
