@@ -47,9 +47,26 @@ def moving(dim: int, shape: str) -> dict:
     return found
 
 
+def lacking(dim: int) -> dict:
+    """One cell, of which other ranks have nothing, cut aslant."""
+    grid = mpm.Grid.box((0.0,) * dim, (1.0,) * dim, (1,) * dim)
+    body = mpm.MaterialPoints.fill(grid, SOIL, 2**dim, lambda x: level(x) < 0, cut=True)
+    on = mpm.SurfacePoints.level_set(grid, level)
+    terms = [mpm.Fixed(grid.facets("left"), "x"), mpm.Pressure(on, 1e3)]
+    run = mpm.Simulation(grid, body, mpm.Newmark(1e-3), terms, solver=EXACT)
+    run.step()
+    return {f"{dim}D, one cell": gathered(body.x, np.hstack((body.velocity, body.stress / 1e6)))}
+
+
+def level(x: np.ndarray) -> np.ndarray:
+    """Zero on a slanted line or plane."""
+    return x[0] + 0.3 * x[1] - 0.7
+
+
 def everything() -> dict:
     """All scenes."""
-    return {**moving(2, "level set"), **moving(2, "circle"), **moving(3, "level set")}
+    flying = {**moving(2, "level set"), **moving(2, "circle"), **moving(3, "level set")}
+    return {**flying, **lacking(2), **lacking(3)}
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 them."""
 
 import json
+from itertools import product
 
 import inside
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import slopes
 import surfaces_on_ranks
 from dense import SOIL
+from scipy.spatial.transform import Rotation
 from test_ranks import difference, on_ranks
 
 import mpm_fenicsx as mpm
@@ -231,6 +233,29 @@ def test_a_tilted_block_under_pressure_rests():
 def test_a_ball_under_pressure_rests():
     made = disc(3, 0.25)
     off = at_rest(made.grid, made.body, made.edge(), 0.25, steps=3)
+    assert off.max() < 0.05 and np.sqrt((off**2).mean()) < 0.01
+
+
+def test_a_tilted_cube_under_pressure_on_its_six_sides_rests():
+    """Parallelograms, whose faces are cut axis by axis."""
+    h, turn = 0.25, Rotation.from_euler("xyz", [20, 30, 10], degrees=True).as_matrix()
+    grid, centre = Grid.box((-1.25,) * 3, (1.25,) * 3, (10,) * 3), np.array([0.03, 0.02, 0.01])
+    body = MaterialPoints.fill(
+        grid, SOIL, 8, inside=lambda x: (np.abs((x.T - centre) @ turn) < 0.5).all(axis=1), cut=True
+    )
+    assert body.volume.sum() == pytest.approx(1.0, rel=5e-4)
+    body.stress[:, :3] = -P
+    sides = []
+    for d, sign in product(range(3), (-1, 1)):
+        a, b, out = (0.5 * np.roll(np.eye(3)[d], k) for k in (1, 2, 0))
+        corners = np.array([-a - b, a - b, a + b, -a + b])[::sign] + sign * out
+        sides.append(SurfacePoints.polygon(corners @ turn.T + centre, h / 2))
+    np.testing.assert_allclose(sum(flux(side) for side in sides), 1.0, rtol=1e-12)
+    stepping = mpm.Newmark(0.5 * h / SOIL.p_speed)
+    run = mpm.Simulation(grid, body, stepping, [mpm.Pressure(side, P) for side in sides])
+    for _ in range(3):
+        run.step()
+    off = np.abs(body.stress[:, :3] / P + 1)
     assert off.max() < 0.05 and np.sqrt((off**2).mean()) < 0.01
 
 

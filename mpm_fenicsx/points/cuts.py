@@ -27,7 +27,7 @@ LEAST = 1e-6
 whole."""
 NEAR = 0.02
 """Of a box: an edge that far from where it should be is bent there."""
-AGAIN, TIMES = 4, 3
+AGAIN, TIMES = 2, {2: 6, 3: 2}
 """Boxes along each side of one in which the edge is bent, and how often boxes are divided so."""
 AT_ONCE = 1_000_000
 """Places that a function is asked for in one call."""
@@ -75,11 +75,12 @@ def boxes_of(within: np.ndarray, dim: int) -> np.ndarray:
     """The corners of each box (cells, boxes, 2^dim), boxes and corners with x fastest, of what
     ``corners`` says."""
     parts = within.shape[1] - 1
-    step = [
-        within[(slice(None), *(slice(s, s + parts) for s in corner[::-1]))].reshape(len(within), -1)
+    boxes = len(within), parts**dim
+    ends = [
+        within[(slice(None), *(slice(s, s + parts) for s in corner[::-1]))].reshape(boxes)
         for corner in digits(2, dim)
     ]
-    return np.stack(step, axis=2)
+    return np.stack(ends, axis=2)
 
 
 class Cuts:
@@ -193,7 +194,7 @@ def inside_of_domains(
     at, number = np.nonzero(within.any(axis=2) & cut.reshape(own, points)[:, domain])
     corner = lower[at] + digits(parts, dim)[number] * box[at]
     of = points * at + domain[number]
-    inner = _volumes(corner, box[at], within[at, number], inside, TIMES)
+    inner = _volumes(corner, box[at], within[at, number], inside, TIMES[dim])
     volume += np.bincount(of, inner[0], len(volume))
     for d in range(dim):
         moment[:, d] += np.bincount(of, inner[1][:, d], len(volume))

@@ -42,7 +42,6 @@ class SurfacePoints:
     area: np.ndarray
     displacement: np.ndarray | None = None  # since the start; only where a spring asks for it
     per_face: int = 1
-    cuts_cells: bool = False
     number: np.ndarray | None = field(
         default=None, init=False
     )  # None while all that was given is here
@@ -50,6 +49,7 @@ class SurfacePoints:
     rest_area: np.ndarray | None = field(
         default=None, repr=False
     )  # (n,): at the start; only for dead loads
+    cuts_cells: bool = False
 
     def __post_init__(self) -> None:
         self.x, self.normal, self.area = (
