@@ -48,7 +48,7 @@ from .terms.absorbing import ViscoelasticBoundary, ViscousBoundary
 from .terms.body import Gravity
 from .terms.contribution import Contribution
 from .terms.ghost_penalty import GhostPenalty
-from .terms.loads import DeadLoad, Traction
+from .terms.loads import DeadLoad, Pressure, Traction
 from .terms.supports import Fixed
 from .terms.term import Term
 
@@ -87,6 +87,7 @@ __all__ = [
     "Newmark",
     "Newton",
     "OnElastic",
+    "Pressure",
     "Probe",
     "QuasiStatic",
     "Recorder",

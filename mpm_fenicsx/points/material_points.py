@@ -17,6 +17,7 @@ from ..common.random_numbers import uniform
 from ..common.ranks import together
 from ..grid.cells import SIDES
 from ..materials.law_checks import check_law
+from .cuts import inside_of_domains
 from .staircase import levels_of_a_slope
 from .surface_points import SurfacePoints
 
@@ -177,6 +178,7 @@ class MaterialPoints:
         jitter: float = 0.0,
         seed: int = 0,
         parameters: Mapping[str, Callable[[np.ndarray], np.ndarray]] | None = None,
+        cut: bool = False,
     ) -> MaterialPoints:
         """Fill the cells of a grid with ``per_cell`` = k^dim evenly placed points each.
 
@@ -188,8 +190,13 @@ class MaterialPoints:
         no finer grid makes that less.
         ``parameters``: those of the material that differ from place to place, by name: functions of
         x (dim, n), m, to (n,), asked where points lie at the start.
+        ``cut``: support domains end where the body does, so that a point stands for what is inside
+        and lies at its centre.  Without it points are whole, those with their centres inside, and
+        slopes and curves become staircases, along which stress is wrong.  The edge of a body that
+        is cut is none of its ``surface``: take ``SurfacePoints.line`` and its like.
         Raises ``ValueError`` for a body without points, a ``per_cell`` that is no k^dim, a ``seed``
-        < 0, or an ``inside`` that does not say True or False of each place.
+        < 0, an ``inside`` that does not say True or False of each place, or ``cut`` points with
+        jitter.
         """
         if not hasattr(grid, "owned_cells"):
             raise ValueError(
@@ -208,6 +215,10 @@ class MaterialPoints:
         seed = whole("seed", seed, least=0)
         if not 0.0 <= finite("jitter", jitter) < 0.5:
             raise ValueError(f"jitter must lie in [0, 0.5), got {jitter}")
+        if cut not in (True, False):
+            raise ValueError(f"cut must be True or False, got {cut!r}")
+        if cut and jitter:
+            raise ValueError(f"jitter must be 0 where the body's edge cuts points, got {jitter}")
         lattice, place = grid.lattice, digits(k, dim)
         spacing = (lattice.upper - lattice.lower) / k
         x = lattice.lower[:, None] + (place + 0.5) * spacing[:, None]
@@ -227,7 +238,19 @@ class MaterialPoints:
                 exposed[:, :, d, end] = (cell < 0) | ~body[cell, beside @ k ** np.arange(dim)]
         keep = body & (np.arange(grid.cells) < grid.owned_cells)[:, None]
         half = np.broadcast_to(spacing[:, None] / 2, x.shape)
-        x, half, exposed = x[keep], half[keep], exposed[keep]
+        part, centre = np.ones(keep.shape), x
+        if cut and inside is not None:
+            with together(grid.comm, Exception):
+                part, centre = inside_of_domains(
+                    x, half, k, lambda x: chosen("inside", inside, x), grid.owned_cells
+                )
+            keep = part > 0.0
+        volume = (2 * half[keep]).prod(axis=1)
+        size = (volume * per_cell) ** (1 / dim)
+        if grid.comm.allreduce(int((keep & (part < 1.0)).any())):
+            half, exposed, volume = half - np.abs(centre - x), None, volume * part[keep]
+        x, half = centre[keep], half[keep]
+        exposed = None if exposed is None else exposed[keep]
         if not grid.comm.allreduce(len(x)):
             raise ValueError("inside leaves a body without material points")
         seat = None
@@ -235,11 +258,10 @@ class MaterialPoints:
             seat = x
             number = (per_cell * grid.cell_numbers[:, None] + np.arange(per_cell))[keep]
             x = x + jitter * (2.0 * uniform(seed, number, dim) - 1.0) * 2 * half
-        volume = (2 * half).prod(axis=1)
         with together(grid.comm, Exception):
             given = {name: _column(name, value, x) for name, value in (parameters or {}).items()}
         if material.length:
-            given["size"] = (volume * per_cell) ** (1 / dim)
+            given["size"] = size
         body = cls(material, x, half, volume, parameters=given, exposed=exposed, seat=seat)
         body._grid = weakref.ref(grid)
         return body
@@ -293,7 +315,8 @@ class MaterialPoints:
             raise ValueError("sides must name one side or several, got none")
         if self.exposed is None:
             raise ValueError(
-                "surface needs points made by fill; give SurfacePoints(x, normal, area) instead"
+                "surface needs whole points made by fill; along the edge of a body that is cut "
+                "take SurfacePoints.line and its like, else give SurfacePoints(x, normal, area)"
             )
         sides = [one_of("side", side, list(SIDES)[: 2 * self.dim]) for side in sides]
         grid = self._grid and self._grid()
@@ -309,8 +332,8 @@ class MaterialPoints:
                 f"surface: {side} is a staircase of {max(stairs)} levels, as of a slope or a "
                 f"curve, whose faces have up to {1.41 if self.dim == 2 else 1.73} times the true "
                 "area (a circle's 1.27 times): loads and dashpots on them are too large by that; "
-                "take a flat part by where=..., or SurfacePoints(x, normal, area) along the true "
-                "edge",
+                "take a flat part by where=..., or SurfacePoints.line, polygon, circle or "
+                "level_set along the true edge, with fill(..., cut=True)",
                 UserWarning,
                 stacklevel=2,
             )

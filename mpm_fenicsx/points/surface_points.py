@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..common import tensors
 from ..common.checks import array
+from . import surface_shapes
+
+SLANTED = 1e-9
+"""A normal whose largest component is less than one by that is along no axis."""
 
 
 @dataclass
@@ -23,6 +27,11 @@ class SurfacePoints:
     also when they move, and ``number`` (n,) says which of the rows given they are, those of all
     ranks one after the other where each was given its own; what a load gives row by row may go on
     being given for all of those.
+
+    ``cuts_cells``: it is an edge of any slope, which leaves cells partly filled; a run then holds
+    the light nodes of all cut cells (see ``Mapping.hold_cut_cells``), those of free edges too.  So
+    do surfaces made by ``line``, ``polygon``, ``circle`` and ``level_set``, for bodies that
+    ``MaterialPoints.fill(..., cut=True)`` ends there.
 
     Raises ``ValueError`` for arrays that do not fit, a normal that is not a unit vector, or an area
     <= 0.
@@ -40,6 +49,7 @@ class SurfacePoints:
     rest_area: np.ndarray | None = field(
         default=None, repr=False
     )  # (n,): at the start; only for dead loads
+    cuts_cells: bool = False
 
     def __post_init__(self) -> None:
         self.x, self.normal, self.area = (
@@ -68,6 +78,73 @@ class SurfacePoints:
                 f"{self.per_face} for {len(self)} points"
             )
         self.given = len(self)
+
+    # -- along lines and curves --------------------------------------------------------------------
+
+    @classmethod
+    def line(cls, a: Sequence[float], b: Sequence[float], spacing: float) -> SurfacePoints:
+        """Along the straight edge from a to b (x, y), m, in faces of one length, none longer than
+        ``spacing`` (m); half a cell is fine enough.
+
+        The outward normal points to the right of the way from a to b: the body lies to its left.
+        Raises ``ValueError`` for a line of no length, or a spacing <= 0.
+        """
+        return cls._of(surface_shapes.line(a, b, spacing))
+
+    @classmethod
+    def polygon(
+        cls, corners: Sequence[Sequence[float]], spacing: float, closed: bool = True
+    ) -> SurfacePoints:
+        """Along the sides between ``corners`` (n, 2), m, in faces of at most ``spacing`` (m), with
+        one from the last to the first if ``closed``.
+
+        The body lies to the left of the way: corners that go round it against the clock make
+        normals that point out of the polygon, corners with the clock are those of a hole.  In 3D,
+        corners (n, 3), it is the flat piece between them, which must be convex, and outward is the
+        side from which they go round against the clock; of a parallelogram grid lines cut faces.
+        Raises ``ValueError`` for sides that cross, touch or have no length, too few corners,
+        corners in 3D that do not lie in a plane, or a spacing <= 0.
+        """
+        return cls._of(surface_shapes.polygon(corners, spacing, closed))
+
+    @classmethod
+    def circle(
+        cls, centre: Sequence[float], radius: float, spacing: float, hole: bool = False
+    ) -> SurfacePoints:
+        """Along a circle in 2D, in arcs of at most ``spacing`` (m); ``centre`` (x, y) and
+        ``radius``, m.
+
+        Outward normals point away from the centre or, of a ``hole``, such as a tunnel, to it.
+        Raises ``ValueError`` for a radius or a spacing <= 0.
+        """
+        return cls._of(surface_shapes.circle(centre, radius, spacing, hole))
+
+    @classmethod
+    def level_set(
+        cls, grid, function: Callable[[np.ndarray], np.ndarray], per_cell: int | None = None
+    ) -> SurfacePoints:
+        """Where ``function`` of x (dim, n), m, to (n,) is zero on a grid, in 2D or 3D; it is
+        negative inside the body, and the outward normal points to where it is positive.
+
+        Each cell is divided in ``per_cell`` = k^dim boxes (16 in 2D and 8 in 3D, if None) and these
+        in simplices, in which the surface is flat between the zeros on their edges: of second order
+        in the boxes' size.  On several ranks each makes the faces in its own cells.
+        Raises ``ValueError`` for a function without a zero on the grid or with a value that is
+        none, or a ``per_cell`` that is no k^dim.  Collective.
+        """
+        return cls._of(surface_shapes.level_set(grid, function, per_cell))
+
+    @property
+    def slanted(self) -> bool:
+        """Whether it was made for an edge of any slope, and some of it has one."""
+        return self.cuts_cells and bool(
+            (np.abs(self.normal).max(axis=1, initial=0.0) < 1.0 - SLANTED).any()
+        )
+
+    @classmethod
+    def _of(cls, shape: surface_shapes.Shape) -> SurfacePoints:
+        x, normal, area, per_face = shape
+        return cls(x, normal, area, per_face=per_face, cuts_cells=True)
 
     def remember_area(self) -> None:
         """Take the areas as they are for those at the start, unless there are such already."""

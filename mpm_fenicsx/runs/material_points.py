@@ -193,7 +193,7 @@ class Simulation(Run):
         self._holds = mapping.hold_cut_cells and motion.region.dS is None
         if self._bound_for_rest is None:
             self._bound_for_rest = not stepping.dynamic or (scene.body_loaded and self._stressed())
-        self._acts_everywhere = self._bound_for_rest or scene.body_loaded
+        self._acts_everywhere = self._bound_for_rest or scene.body_loaded or scene.cuts_cells
         self.holding: Holding | None = None
         self._internal = np.zeros((grid.nodes, grid.dim))
         self._held = np.zeros(grid.cells, np.int8)  # cells that hold material

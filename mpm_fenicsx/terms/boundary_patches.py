@@ -99,6 +99,14 @@ class FacetPatch:
         self._refresh.append(refresh)
         return f
 
+    def pressure(self, function: Load, placed: bool, mean: bool = False):
+        """The load (Pa) of a pressure against the outward normal of the mesh."""
+
+        def everywhere(t: float, x: np.ndarray) -> np.ndarray:
+            return np.repeat(function(t, x), self.grid.dim, axis=-1)
+
+        return -self.load(everywhere, placed, mean)[0] * ufl.FacetNormal(self.grid.mesh)
+
     def stored(self, along: float, across: float):
         """Traction (Pa) of springs that have accumulated the displacement so far."""
         if self._total is None:
@@ -138,6 +146,10 @@ class FacetPatch:
         """
         where = f"the facets {', '.join(self.surface.names)}"
         return where, *on_facets(self.grid, self.surface, there)
+
+    def far_from(self, there: np.ndarray) -> str | None:
+        """Facets may lie where a body is yet to come."""
+        return None
 
     def __str__(self) -> str:
         return f"the facets {self.surface.names}"
@@ -360,6 +372,15 @@ class PointPatch:
 
         return ufl.as_vector(self._field(self.grid.dim, values))
 
+    def pressure(self, function: Load, placed: bool, mean: bool = False):
+        """The load (Pa) of a pressure against the outward normals as they are when the step
+        begins."""
+
+        def against(t: float, x: np.ndarray) -> np.ndarray:
+            return -function(t, x) * self.points.normal
+
+        return self.load(against, True, mean)
+
     def stored(self, along: float, across: float):
         """Traction (Pa) of springs that have accumulated the points' displacement so far."""
         if self.points.displacement is None:
@@ -396,6 +417,13 @@ class PointPatch:
             comm.allreduce(float(points.area @ share)),
             comm.allreduce(float(points.area.sum())),
         )
+
+    def far_from(self, there: np.ndarray) -> str | None:
+        """Where a point of a surface of any slope lies of which no node (nodes,) is ``there``, on
+        any rank.  Found by ``touched`` before.  Collective."""
+        bare = np.flatnonzero(self.faces.weights @ there <= 0.0)
+        lost = str(self.points.x[bare[0]]) if self.points.cuts_cells and len(bare) else None
+        return anywhere(self.grid.comm, lost)
 
     def __str__(self) -> str:
         return f"{len(self.points)} surface points"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import partial, wraps
 
 import numpy as np
 from dolfinx import fem
@@ -59,6 +59,30 @@ def _kind(value) -> str:
 
 
 @dataclass(frozen=True)
+class Pressure:
+    """Pressure (Pa) on a surface, against its outward normal: positive where it presses.
+
+    ``value`` is a number, or a function of t, or of t and x (n, dim), to one number or (n,).  It is
+    per area as it is and follows a surface of points that turns, by a step at a time: in a step
+    normal and area are those of its start.  Facets of the grid do not turn.
+    """
+
+    on: Surface
+    value: Callable | float
+
+    def bind(self, scene: Scene) -> Contribution:
+        """Virtual work ∫ p n·w, and the work done."""
+        patch, motion = scene.patch(self.on), scene.motion
+        load = partial(patch.pressure, *scene.load("value of Pressure", _one_each(self.value), 1))
+        work = -weak_forms.load(load(), motion.w) * patch.measure
+
+        def energy() -> dict[str, object]:
+            return {"work": weak_forms.load(load(mean=True), motion.u) * patch.measure}
+
+        return Contribution(work, force=work, energy=energy)
+
+
+@dataclass(frozen=True)
 class DeadLoad(Traction):
     """A load whose force stays however its surface stretches: ``value`` (Pa) is per area at the
     start.
@@ -80,3 +104,16 @@ class DeadLoad(Traction):
         return partial(
             patch.load, lambda t, x: function(t, x) * (on.rest_area / on.area)[:, None], True
         )
+
+
+def _one_each(value):
+    """A number, or a function that gives one, or one a place, as rows of one number."""
+    if not callable(value):
+        return [value]
+
+    @wraps(value)
+    def rows(*arguments, **named):
+        found = np.asarray(value(*arguments, **named))
+        return found.reshape(1) if found.ndim == 0 else found[:, None]
+
+    return rows

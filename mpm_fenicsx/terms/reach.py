@@ -60,6 +60,23 @@ def check_reach(
                 f"on: {names} {act} on {where}, where there is no material; let the grid end "
                 "where the body ends, or take the body's own surface, points.surface(side)"
             )
+        lost = patch.far_from(there)
+        if lost:
+            raise ValueError(
+                f"on: {names} {act} on a surface of which x={lost} lies farther than a cell from "
+                "any material; let it run along the edge of the body, which MaterialPoints.fill(..."
+                ", cut=True) ends there"
+            )
+        stairs = patch.points is not None and patch.points.slanted
+        stairs = stairs and all(body.exposed is not None for body in bodies)
+        if scene.grid.comm.allreduce(int(stairs)):
+            warn(
+                scene.grid.comm,
+                f"{names} {act} on a slanted or curved surface, and bodies are of whole points, "
+                "stairs along it, beside which stress is off by a tenth or so: "
+                "MaterialPoints.fill(..., cut=True) ends them at the edge",
+                3,
+            )
         if touched < (1.0 - WHOLE) * area:
             unit = "m" if scene.grid.dim == 2 else "m²"
             warn(

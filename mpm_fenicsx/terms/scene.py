@@ -107,14 +107,19 @@ class Scene:
             found.acting.append(self._binding)
         return found
 
-    def load(self, name: str, value) -> tuple[Load, bool]:
-        """A load as ``as_load`` returns it, with an eye on its values.  Collective; raises
-        ``ValueError`` on all ranks, also where one gives a load that depends on place and another
-        one that does not."""
+    @property
+    def cuts_cells(self) -> bool:
+        """Whether a surface is an edge of any slope, so that a body ends anywhere in its cells."""
+        return any(p.points is not None and p.points.cuts_cells for p in self.patches)
+
+    def load(self, name: str, value, numbers: int | None = None) -> tuple[Load, bool]:
+        """A load as ``as_load`` returns it, of so many ``numbers`` at a place (dim, if None), with
+        an eye on its values.  Collective; raises ``ValueError`` on all ranks, also where one gives
+        a load that depends on place and another one that does not."""
         low, high = self.grid.lower_corner, self.grid.upper_corner
         places = low + np.linspace(0.1, 0.9, TRIALS)[:, None] * (high - low)
         with together(self.grid.comm, Exception):
-            load, placed = as_load(name, value, self.grid.dim, places)
+            load, placed = as_load(name, value, numbers or self.grid.dim, places)
         self.check_alike(name, "one of time and place" if placed else "one of time alone")
         self.loads.append(load)
         return load, placed

@@ -58,5 +58,9 @@ ABSENT = (
     ("15 two bodies", "FE", ALONE),
     ("15 two bodies meet, uncorrected", BUT_FE_AND_DM_GC, OPTION),
     ("15 ν = 0.499, Lamé's mode, 1,000 steps, B-bar", AT_POINTS, B_BAR),
+    ("16 bar tilted by 30°, dashpots at its ends, h = 0.125", BUT_FE_AND_DM_GC, OPTION),
+    ("16 P wave along", BUT_DM_GC, OPTION),
+    ("16 S wave along", BUT_DM_GC, OPTION),
+    ("16 disc on dashpots", BUT_DM_GC, OPTION),
     ("collapse of a block, h = 1 m", BUT_DM_GC, OPTION),
 )
