@@ -37,13 +37,15 @@ def growth(
     ``body``: cells in each direction, of ``size`` h (m), one for all or one a direction.
     ``layers``: side (of ``SIDES``) -> (κ, β) of its cells from inside out, β in 1/s, fixed beyond;
     they meet at corners.  ``walls``: side -> one of ``WALLS``, which holds the layers' ends there
-    too; a side in neither is free.  ``material`` has ``density``, ``p_speed`` and ``s_speed``, or is
-    a sequence of one for each row of cells of the body, upwards, which go on in the layers; the
-    lowest c_s and h are the units.
+    too; a side in neither is free.  ``material`` has ``density``, ``p_speed`` and ``s_speed``, or
+    is one for each row of cells of the body, upwards, which go on in the layers; the lowest c_s
+    and h are the units.
 
     Round-off is some 1e-12.  Below |p| = 1e-4 nothing is counted: p = 0 is rest, at any place where
-    nothing holds the body, and the integral of such a displacement grows and does nothing.  Raises ``ValueError`` naming a side or a wall that is none, a
-    side with both, and a cell with both κ and β.
+    nothing holds the body, and the integral of such a displacement grows and does nothing.
+
+    Raises ``ValueError`` naming a side or a wall that is none, a side with both, and a cell with
+    both κ and β.
     """
     E, A = system(material, body, layers, walls, size)
     τ = 0.5  # of the trapezoidal rule, whose step has these eigenvalues z
@@ -175,9 +177,7 @@ def _held(shape: Sequence[int], layers: Mapping, walls: Mapping) -> np.ndarray:
         nodes = np.take(index, -end, axis=dim - 1 - d).ravel()
         kind = walls.get(side, "fixed")
         held += [
-            dim * nodes + i
-            for i in range(dim)
-            if kind == "fixed" or (i == d) == (kind == "roller")
+            dim * nodes + i for i in range(dim) if kind == "fixed" or (i == d) == (kind == "roller")
         ]
     return np.concatenate(held) if held else np.zeros(0, int)
 
