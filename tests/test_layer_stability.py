@@ -47,22 +47,42 @@ def test_a_plane_of_symmetry_is_no_second_open_side():
     assert growth(soil(0.25), (4, 4), layers(["left"]), walls) > 1e-3
 
 
-@pytest.mark.parametrize("top, base", [(0.25, 0.25), (0.41, 0.25), (0.0, 0.3)])
-def test_stiff_over_soft_grows(top, base):
-    """A shear modulus ten times as high."""
-    stiff, soft = soil(top), soil(base, 0.1)
-    cells = default_cells((stiff, soft), 1.0, elastic=0)
-    rows = [soft] * 3 + [stiff] * 3
-    sides = {"left": cells, "bottom": cells}
-    assert growth(rows, (2, 6), sides, {"right": "roller"}) > 1e-2
+def strata(top, base, contrast, rows=(6, 3), width=1, **how):
+    """Growth of ``rows`` rows over others of a shear modulus ``contrast`` times as high,
+    with layers at left and bottom and symmetry at right."""
+    above, below = soil(top), soil(base, contrast)
+    cells = default_cells((above, below), 1.0, **how)
+    ground = [below] * rows[1] + [above] * rows[0]
+    return growth(ground, (width, sum(rows)), dict(left=cells, bottom=cells), {"right": "roller"})
+
+
+def test_stiff_over_soft_grows():
+    """The default's elastic cells put it off, from a modulus of four times to one of eight."""
+    assert strata(0.0, 0.3, 1 / 4, (3, 3), width=2, elastic=0) > 1e-2
+    assert strata(0.25, 0.25, 1 / 10, (3, 3), width=2, elastic=0) > 1e-2
+    assert strata(0.0, 0.3, 1 / 8) > 1e-2
 
 
 def test_soft_over_much_stiffer_grows_too():
     """A stiff base is nearly a fixed one, over which left and right grow."""
-    soft, stiff = soil(0.45), soil(0.45, 100.0)
-    cells = default_cells((stiff, soft), 1.0, elastic=0)
-    sides = {"left": cells, "bottom": cells}
-    assert growth([stiff] * 3 + [soft] * 3, (2, 6), sides, {"right": "roller"}) > 1e-2
+    assert strata(0.45, 0.45, 100, (3, 3), width=2, elastic=0) > 1e-2
+    assert strata(0.25, 0.25, 64) > 1e-3
+
+
+def test_layered_ground_grows_without_elastic_cells():
+    """Under the free surface of a narrow body even where c_s differs by a quarter."""
+    lower, upper = soil(0.25), soil(0.25, 1.29**2)
+    for elastic, least, most in ((0, 1e-3, 1.0), (2, -1.0, NONE)):
+        cells = default_cells((lower, upper), 1.0, elastic=elastic)
+        ground = [lower] * 3 + [upper] * 3
+        assert least < growth(ground, (1, 6), dict(left=cells, bottom=cells)) < most
+
+
+def test_a_layered_column_grows():
+    """One cell wide: what moves its sides against each other is caught in soft rows over stiff."""
+    rows = [soil(0.41, 10.0)] * 4 + [soil(0.3)] * 4
+    cells = {"bottom": default_cells(tuple(rows), 1.0, elastic=0)}
+    assert growth(rows, (1, 8), cells, {"left": "roller", "right": "roller"}) > 1e-3
 
 
 def test_a_long_flat_body_grows_without_elastic_cells():
@@ -122,13 +142,11 @@ def test_a_column_one_cell_wide_does_not_grow(poisson, sides):
     assert growth(soil(0.41), (2, 10), layers(["bottom"], 0.41), held) > 1e-3
 
 
-@pytest.mark.parametrize("top, base", [(0.25, 0.25), (0.45, 0.45), (0.0, 0.3), (0.3, 0.49)])
-def test_soft_over_stiff_does_not_grow(top, base):
-    """A shear modulus four times as high below."""
-    soft, stiff = soil(top), soil(base, 4.0)
-    cells = default_cells((stiff, soft), 1.0, elastic=0)
-    sides = {"left": cells, "bottom": cells}
-    assert growth([stiff] * 3 + [soft] * 3, (2, 6), sides, {"right": "roller"}) < NONE
+@pytest.mark.parametrize("top, base", [(0.25, 0.25), (0.0, 0.3), (0.3, 0.49)])
+def test_strata_that_differ_little_do_not_grow(top, base):
+    """The default layer: stiffer ones above by 1.5 in c_s, softer ones above by 4."""
+    assert strata(top, base, 1 / 1.5**2) < NONE
+    assert strata(top, base, 4.0**2) < NONE
 
 
 # -- three dimensions ------------------------------------------------------------------------------
