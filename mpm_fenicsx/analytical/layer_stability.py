@@ -5,8 +5,9 @@ Stretches s_j = κ_j + β_j/p of the directions j make of the weak form of elast
     Σ_jl ∫ (J/(s_j s_l)) A_jl ∂_l U · ∂_j w + ∫ ρ p² J U · w = 0,  J = ∏ s_j,  (A_jl)_ik = C_ijkl,
 
 cell by cell, with the midpoint rule across directions in which a cell is stretched.  Motions are
-exp(p t); the trapezoidal rule maps Re p <= 0 exactly into |z| <= 1, so that no step grows where no
-p has a positive real part.  Stretches of the default layer are powers of p: κ or β/p, never both.
+exp(p t); the trapezoidal rule maps the half-plane Re p <= 0 exactly onto the disc of the steps'
+factors z, so that no step grows where no p has a positive real part.  Each stretch is a power of p:
+κ or β/p, never both.
 """
 
 from __future__ import annotations
@@ -41,8 +42,8 @@ def growth(
     is one for each row of cells of the body, upwards, which go on in the layers; the lowest c_s
     and h are the units.
 
-    Round-off is some 1e-12.  Below |p| = 1e-4 nothing is counted: p = 0 is rest, at any place where
-    nothing holds the body, and the integral of such a displacement grows and does nothing.
+    Round-off is some 1e-12.  Moduli of p below 1e-4 are not counted: p = 0 is rest, at any place
+    where nothing holds the body, and the integral of such a displacement grows and does nothing.
 
     Raises ``ValueError`` naming a side or a wall that is none, a side with both, and a cell with
     both κ and β.

@@ -14,8 +14,8 @@ GROWTH = 3.0
 
 
 def zolotarev(lowest: float, highest: float, count: int) -> np.ndarray:
-    """Speeds c_k (count,), falling, that make max |∏ (c − c_k)/(c + c_k)| over [``lowest``,
-    ``highest``] least.
+    """Speeds c_k (count,), falling, that make the largest modulus of ∏ (c − c_k)/(c + c_k) over
+    [``lowest``, ``highest``] least.
 
     c_k = c_max dn((2k − 1)K/(2n), 1 − (c_min/c_max)²) (Zolotarev 1877; Wachspress 1962).  Raises
     ``ValueError`` naming what is not positive or not in order.
