@@ -55,6 +55,7 @@ class Motion:
         self.u = fem.Function(grid.space, name="displacement")
         self.w = ufl.TestFunction(grid.space)
         self.at_rest: list[np.ndarray] = []  # dofs that do not move
+        self._rests, self._resting = 0, ()
         self.moved: list[KnownMotion] = []
         if stepping.dynamic:
             self.v = fem.Function(grid.space, name="velocity")
@@ -62,10 +63,7 @@ class Motion:
             self._factors = [fem.Constant(grid.mesh, np.zeros(3)) for _ in range(2)]
             self.dt = fem.Constant(grid.mesh, np.array(0.0))
             self.use(stepping)
-            fields = (self.u, self.v, self.a)
-            self.velocity, self.acceleration = (
-                sum(c[i] * f for i, f in enumerate(fields)) for c in self._factors
-            )
+            self.velocity, self.acceleration = self.balanced(self.v, self.a)
 
     def __getattr__(self, name: str) -> NoReturn:
         """Raises ``AttributeError``, which says so where it is statics that lack the name."""
@@ -95,6 +93,17 @@ class Motion:
             force if start == 0.0 else fem.Constant(self.grid.mesh, np.array(1.0 + start)) * force
         )
 
+    def balanced(self, v: fem.Function, a: fem.Function) -> tuple:
+        """Velocity and acceleration in the balance of forces, of nodes that have ``v`` and ``a``
+        before the step."""
+        return tuple(sum(c[i] * f for i, f in enumerate((self.u, v, a))) for c in self._factors)
+
+    def numbers(self) -> np.ndarray:
+        """What forms know of the step: the factors in the balance, and its length."""
+        if not self.stepping.dynamic:
+            return np.zeros(0)
+        return np.array([*(n for c in self._factors for n in c.value), float(self.dt.value)])
+
     def nodal(self, f: fem.Function) -> np.ndarray:
         """Values of a vector field, a view (nodes, dim)."""
         return f.x.array.reshape(-1, self.grid.dim)
@@ -115,9 +124,12 @@ class Motion:
         self._know(v, a, [known.before for known in self.moved])
 
     def _know(self, v: np.ndarray, a: np.ndarray, of_moved: list[np.ndarray]) -> None:
-        for dofs in self.at_rest:
-            node, component = np.divmod(dofs, self.grid.dim)
-            v[node, component] = a[node, component] = 0.0
+        if len(self.at_rest) != self._rests:
+            self._rests = len(self.at_rest)
+            dofs = np.unique(np.concatenate(self.at_rest))
+            self._resting = tuple(np.divmod(dofs, self.grid.dim))
+        if self._rests:
+            v[self._resting] = a[self._resting] = 0.0
         for known, (velocity, acceleration) in zip(self.moved, of_moved, strict=True):
             node, component = np.divmod(known.dofs, self.grid.dim)
             v[node, component], a[node, component] = velocity, acceleration
@@ -126,9 +138,18 @@ class Motion:
         """Nodal velocity and acceleration (nodes, dim) at the end of the step."""
         u, v, a = self.nodal(self.u), self.nodal(self.v), self.nodal(self.a)
         found = np.empty_like(u), np.empty_like(u)
-        _affine(self.stepping.velocity, self.stepping.acceleration, u, v, a, *found)
-        self._know(*found, [known.after for known in self.moved])
+        self._advance(np.arange(len(u)), v, a, *found)
         return found
+
+    def advance(self, nodes: np.ndarray, v: fem.Function, a: fem.Function) -> None:
+        """Take v and a at ``nodes`` (n,) from the start of the step to its end."""
+        v, a = self.nodal(v), self.nodal(a)
+        self._advance(nodes, v, a, v, a)
+
+    def _advance(self, nodes: np.ndarray, v, a, first: np.ndarray, second: np.ndarray) -> None:
+        step = self.stepping
+        _affine(nodes, step.velocity, step.acceleration, self.nodal(self.u), v, a, first, second)
+        self._know(first, second, [known.after for known in self.moved])
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
@@ -147,9 +168,11 @@ class Motion:
 
 
 @jit
-def _affine(c, d, u, v, a, first, second):
-    """c·(u, v, a) and d·(u, v, a), in one go over nodal values (nodes, dim)."""
-    for i in range(u.shape[0]):
+def _affine(nodes, c, d, u, v, a, first, second):
+    """c·(u, v, a) and d·(u, v, a), in one go over values (nodes, dim) at some nodes; where v and a
+    are."""
+    for i in nodes:
         for k in range(u.shape[1]):
-            first[i, k] = c[0] * u[i, k] + c[1] * v[i, k] + c[2] * a[i, k]
-            second[i, k] = d[0] * u[i, k] + d[1] * v[i, k] + d[2] * a[i, k]
+            at_u, at_v, at_a = u[i, k], v[i, k], a[i, k]
+            first[i, k] = c[0] * at_u + c[1] * at_v + c[2] * at_a
+            second[i, k] = d[0] * at_u + d[1] * at_v + d[2] * at_a

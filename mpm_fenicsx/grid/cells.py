@@ -90,6 +90,11 @@ class Lattice:
         return self.lower, self.upper, self.neighbour
 
     @cached_property
+    def size(self) -> np.ndarray:
+        """Extent (cells, dim), m, as the cells were made."""
+        return self.upper - self.lower
+
+    @cached_property
     def around(self) -> np.ndarray:
         """The patches one after the other, for the compiled loops: without sign, and 0 where there
         is no node."""

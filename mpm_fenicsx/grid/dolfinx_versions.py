@@ -171,20 +171,32 @@ def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callab
 def compile_form(form):
     """A compiled form, a list of parts to be added up; None for the empty sum of terms.
 
-    One-point rules go into a kernel of their own: beside them FFCx (0.5 to 0.11) gives the other
-    rules of a kernel the coefficients of that point (what is the same at all points of a rule is
-    kept once for all rules).
+    One-point rules, and such as take the midpoint in one direction, go into kernels of their own:
+    beside them FFCx (0.5 to 0.11) gives the other rules of a kernel the coefficients of that point
+    (what is the same at all points of a rule is kept once for all rules).
     """
     if form is None or (isinstance(form, (int, float)) and form == 0) or form.empty():
         return None
     options = {"jit_options" if _recent else "jit_params": _JIT}
     with _quiet():
-        one = [part for part in form.integrals() if part.metadata().get("quadrature_degree", 2) < 2]
-        rest = [part for part in form.integrals() if part not in one]
-        parts = [ufl.Form(rest), ufl.Form(one)] if one and rest else [form]
+        kernels: dict[str, list] = {}
+        for part in form.integrals():
+            kernels.setdefault(_kernel(part), []).append(part)
+        parts = [ufl.Form(kernels[name]) for name in sorted(kernels)]
+        parts = parts if len(parts) > 1 else [form]
         comm = form.ufl_domain().ufl_cargo().comm
         make = _Form if _recent else lambda part, options: fem.form(part, **options)
         return [form_compiler.build(comm, partial(make, part, options)) for part in parts]
+
+
+def _kernel(integral) -> str:
+    """The kernel, by a name, that an integral belongs to; "" for that of most."""
+    rule = integral.metadata()
+    if rule.get("quadrature_degree", 2) < 2:
+        return "one point"
+    points = rule.get("quadrature_points", ())
+    along = [len(np.unique(line)) for line in np.asarray(points).T] if len(points) else []
+    return f"midpoint in {along}" if 1 in along else ""
 
 
 class _Form:

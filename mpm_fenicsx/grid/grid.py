@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import errno
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -34,6 +35,10 @@ class GridSurface:
     names: tuple[str, ...]
     tags: tuple[int, ...]
 
+    def parts(self) -> dict[str, GridSurface]:
+        """The sets that it is the union of, by name."""
+        return {name: self.grid.facets(name) for name in self.names}
+
     @property
     def measure(self) -> ufl.Measure:
         """Surface measure of these facets."""
@@ -44,6 +49,35 @@ class GridSurface:
         """Local facet indices."""
         tags = self.grid.facet_tags
         return tags.indices[np.isin(tags.values, self.tags)]
+
+
+@dataclass(frozen=True)
+class InnerFacets(GridSurface):
+    """Facets inside a grid, for supports: loads and dashpots there act on ``SurfacePoints``."""
+
+    where: Locator
+
+    def parts(self) -> dict[str, GridSurface]:
+        """All of it."""
+        return {"inside the grid": self}
+
+    @property
+    def measure(self) -> ufl.Measure:
+        """None: a facet between cells belongs to both."""
+        raise ValueError(
+            "on: facets inside the grid are for Fixed; loads, dashpots and springs there act on "
+            "surface points, SurfacePoints or points.surface(side)"
+        )
+
+    @property
+    def facets(self) -> np.ndarray:
+        """Local facet indices."""
+        mesh, dim = self.grid.mesh, self.grid.dim
+        mesh.topology.create_entities(dim - 1)
+        with together(self.grid.comm, Exception):
+            return dmesh.locate_entities(
+                mesh, dim - 1, lambda x: chosen("where", self.where, x[:dim])
+            )
 
 
 class Grid:
@@ -61,6 +95,8 @@ class Grid:
         self.weight: np.ndarray | None = None  # (owned cells,): by which it was cut anew
         self.comm: MPI.Comm = mesh.comm  # as long as the mesh lives; see ``_on``
         self._of_mesh = True
+        self.offset = np.zeros(mesh.topology.dim)  # m: how far ``move_to`` has moved it
+        self._made: list[np.ndarray] | None = None
         self._lie_on(mesh)
 
     def _lie_on(self, mesh) -> None:
@@ -196,7 +232,9 @@ class Grid:
         """
         with together(self.comm):
             weight = _weights(weight, self.owned_cells)
-        neighbours = self.__dict__.get("neighbours")
+        neighbours, offset = self.__dict__.get("neighbours"), self.offset.copy()
+        self.move_to(np.zeros(self.dim))
+        self._made = None
         number = self.cell_numbers[: self.owned_cells]
         mesh = distribute_anew(self.mesh, number, weight)
         if self._of_mesh:
@@ -208,7 +246,38 @@ class Grid:
                 self.__dict__.pop(name, None)
         self._lie_on(mesh)
         asked = self.cell_numbers[: self.owned_cells]
+        self.move_to(offset)
         self.weight = exchange.fetched(self.comm, number, {"weight": weight}, asked)["weight"]
+
+    def move_to(self, offset: np.ndarray) -> None:
+        """Lie ``offset`` (dim,), m, from where the grid was made: all of it moves, in place, and
+        what is on it with it."""
+        if np.array_equal(offset, self.offset):
+            return
+        self.offset[:] = offset
+        if self._made is None:
+            self._made = self._moving(np.copy)
+        for places, made in zip(self._moving(lambda places: places), self._made, strict=True):
+            places[:, : self.dim] = made[:, : self.dim] + offset
+
+    @contextmanager
+    def where_made(self) -> Iterator[None]:
+        """Within, the grid lies where it was made, so that what is integrated is the same to the
+        last bit wherever it has come to."""
+        offset = self.offset.copy()
+        self.move_to(np.zeros(self.dim))
+        yield
+        self.move_to(offset)
+
+    def _moving(self, of: Callable) -> list[np.ndarray]:
+        """``of`` each array of places that moves with the grid."""
+        corners = self.lower_corner[None], self.upper_corner[None]
+        return [of(a) for a in (self.mesh.geometry.x, *self._bounds[:2], *corners)]
+
+    @property
+    def made_at(self) -> np.ndarray:
+        """Places of the mesh's nodes (nodes, dim), m, where the grid was made."""
+        return (self.mesh.geometry.x if self._made is None else self._made[0])[:, : self.dim]
 
     @cached_property
     def neighbours(self) -> tuple[np.ndarray, MPI.Distgraphcomm]:
@@ -273,6 +342,17 @@ class Grid:
             raise ValueError(f"facets: {names} holds no facet")
         return GridSurface(self, names, tags)
 
+    def inner_facets(self, where: Locator) -> InnerFacets:
+        """Facets between cells all corners x (dim, n), m, of which lie ``where`` says, bool (n,):
+        lines of the grid at which Fixed can hold a body that ends there.
+
+        Raises ``ValueError`` for none.
+        """
+        found = InnerFacets(self, ("inner",), (), where)
+        if not self.comm.allreduce(len(found.facets)):
+            raise ValueError("where: no facet of the grid lies there with all its corners")
+        return found
+
     # -- where things are --------------------------------------------------------------------------
 
     @cached_property
@@ -291,7 +371,9 @@ class Grid:
         nodes = self.tensor_order(self.space, 1, lower, h)
         neighbour, patch = beside(lower, upper, nodes)
         self._check_ghosts(nodes)
-        return Lattice(lower, upper, nodes, neighbour, patch, h.prod(axis=1))
+        lattice = Lattice(lower, upper, nodes, neighbour, patch, h.prod(axis=1))
+        _ = lattice.size  # before the grid moves
+        return lattice
 
     @cached_property
     def _bounds(self) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -302,6 +384,11 @@ class Grid:
         place = (corner - lower[:, None]) / (upper - lower)[:, None]
         uneven = float(np.abs(place - np.round(place)).max(initial=0.0))
         return lower, upper, self.comm.allreduce(uneven, op=MPI.MAX) <= 1e-8
+
+    @cached_property
+    def centres(self) -> np.ndarray:
+        """Centres (cells, dim), m, of this rank's cells and ghosts, where the grid was made."""
+        return self.made_at[dolfinx_versions.cell_vertices(self.mesh)].mean(axis=1)
 
     def tensor_order(
         self, V, degree: int, lower: np.ndarray | None = None, h: np.ndarray | None = None

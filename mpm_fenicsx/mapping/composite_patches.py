@@ -28,7 +28,7 @@ class Composite:
         """Refresh for the cells that hold points of the material, ``filled`` (cells,) of 0 and
         1."""
         lat = self.grid.lattice
-        coefficients(filled, lat.neighbour, lat.lower, lat.upper, self.extent, self.power)
+        coefficients(filled, lat.neighbour, lat.size, self.extent, self.power)
 
     def gradient_at_points(self, x: np.ndarray, cell: np.ndarray, nodal: np.ndarray) -> np.ndarray:
         """Gradients (n, dim, dim) at points x (n, dim) in cells (n,) of nodal vectors (nodes,
@@ -41,7 +41,7 @@ class Composite:
 
 
 @jit
-def coefficients(filled, neighbour, lower, upper, extent, power):
+def coefficients(filled, neighbour, size, extent, power):
     """How far each cell's patch reaches, ``extent`` (cells, dim, 2), and for each direction the
     coefficients ``power`` (cells, dim, 4, 4) of t⁰ … t³ of the Lagrange polynomials at its four
     places; t from 0 to 1 in the cell.
@@ -58,7 +58,7 @@ def coefficients(filled, neighbour, lower, upper, extent, power):
                 extent[c, d, s] = reach
                 there[3 * s] = reach == 1
                 if reach:
-                    ratio = (upper[beyond, d] - lower[beyond, d]) / (upper[c, d] - lower[c, d])
+                    ratio = size[beyond, d] / size[c, d]
                     at[3 * s] = -ratio if s == 0 else 1.0 + ratio
             if same:
                 continue

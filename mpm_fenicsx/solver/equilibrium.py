@@ -19,6 +19,7 @@ from ..mapping.ties import Ties
 from ..response.response import Response
 from ..terms.contribution import Contribution
 from .active_nodes import Part
+from .base_matrix import Base
 from .changing_factors import ChangingFactors
 from .linear_solver import (
     RESCUE,
@@ -74,6 +75,9 @@ class Equilibrium:
         self.yielding, self._one_solve = response, solver.newton.tolerance is None
         self.symmetric = all(c.symmetric for c in others)
         V = motion.grid.space
+        self._base = Base.of(motion, others)
+        self._loads = [c.force for c in others if c.force]
+        others = [c for c in others if not c.history]
         residual = sum((c.work for c in others), body.work)
         tangent = ufl.derivative(residual, motion.u, ufl.TrialFunction(V))
         if response is not None:
@@ -84,7 +88,7 @@ class Equilibrium:
             residual = ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)})
         self.update = Update.of(motion, tangent) if reuse else None
         self._factors = ChangingFactors(motion, others)
-        self._body_work, self._loads = body.work, [c.force for c in others if c.force]
+        self._body_work = body.work
         self._residual = dolfinx_versions.compile_form(residual)
         self._tangent = dolfinx_versions.compile_form(tangent)
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
@@ -99,7 +103,8 @@ class Equilibrium:
         self._unknowns = motion.grid.dim * nodes
         self.choice = self._suited()
         self._kind = self._kind_of_matrix()
-        self._allocate()
+        with motion.region.whole():
+            self._allocate()
         self.force = fem.Function(V, name="residual")
         self.increment = fem.Function(V, name="increment")
         self._owned = V.dofmap.index_map.size_local * V.dofmap.index_map_bs
@@ -151,7 +156,7 @@ class Equilibrium:
         )
 
     def _solver(self) -> PETSc.KSP:
-        return linear_solver(self.matrix, self.choice.options, self._options, self._prefix)
+        return linear_solver(self.part.matrix, self.choice.options, self._options, self._prefix)
 
     def _choose(self) -> None:
         """Another solver, where another suits."""
@@ -176,6 +181,8 @@ class Equilibrium:
         if self.motion.region.follows:  # PETSc drops entries that the first assembly leaves out
             dolfinx_versions.assemble_matrix(self.matrix, self._tangent, [])
             self.matrix.assemble()
+        if self._base is not None:
+            self._base.forget()
         self._diagonal = self.matrix.createVecLeft()
         self._plain = None if self.update is None else self.matrix.createVecLeft()
         self.part = Part(self.matrix, self.symmetric)
@@ -204,7 +211,10 @@ class Equilibrium:
         largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
         self.idle = d <= IDLE * largest
         if self.update is not None:
-            self.idle |= np.repeat(self.update.bare, self.motion.grid.dim)[: self._owned]
+            bare = self.update.bare[: self._owned // self.motion.grid.dim]
+            if self._base is not None:
+                bare = bare & self._base.bare
+            self.idle |= np.repeat(bare, self.motion.grid.dim)
         bare = self.idle | ~free
         if self._tied is not None:
             self.idle &= free & ~self.ties.tied[: self._owned]
@@ -282,7 +292,10 @@ class Equilibrium:
                 A.setDiagonal(self._plain)  # rows without material have another one
             update.add(A, self.bcs)
         else:
-            A.zeroEntries()
+            if self._base is None:
+                A.zeroEntries()
+            else:
+                self._base.put(A, self.bcs)
             dolfinx_versions.assemble_matrix(A, self._tangent, self.bcs)
             if update is not None:
                 update.remember()
@@ -386,6 +399,8 @@ class Equilibrium:
         if self._residual is not None:
             dolfinx_versions.assemble_vector(self.force, self._residual)
         dolfinx_versions.gather_to_owner(self.force)
+        if self._base is not None:
+            self._base.add_force(r)
         return r
 
     def refresh(self, internal: np.ndarray | None) -> float:

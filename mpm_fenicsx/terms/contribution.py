@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 import ufl
+from dolfinx import fem
 
 from ..common.checks import in_short
 from ..common.spread import Spread
@@ -39,6 +40,8 @@ class Contribution:
     those of the grid's nodes or of its cells, ghosts included: they go to other ranks with these.
     Rows of surface points cannot.
     ``symmetric``: whether the derivative of ``work`` is.
+    ``history``: fields, other than those of the motion, that ``work`` is linear in together with u,
+    all else in it depending on the length of the step alone: it is then assembled once.
     ``holds``: it keeps a body from rigid motions that supports leave free, as springs do; a
     quasi-static run then does not refuse those.
     ``note``: what ``print(run)`` says of the term beyond its name.
@@ -55,6 +58,7 @@ class Contribution:
     memory: Mapping[str, np.ndarray] = field(default_factory=dict)
     spread: Mapping[str, Spread] = field(default_factory=dict)
     symmetric: bool = True
+    history: Sequence[fem.Function] = ()
     holds: bool = False
     note: str = ""
     term: str = field(default="a term", init=False)  # the name of its class
