@@ -45,8 +45,10 @@ from .runs.repartitioning import Repartition
 from .solver.newton import Newton
 from .solver.solver import Solver
 from .terms.absorbing import ViscoelasticBoundary, ViscousBoundary
+from .terms.absorbing_layer import AbsorbingLayer
 from .terms.body import Gravity
 from .terms.contribution import Contribution
+from .terms.far_field import FarField
 from .terms.ghost_penalty import GhostPenalty
 from .terms.loads import DeadLoad, Pressure, Traction
 from .terms.supports import Fixed
@@ -65,12 +67,14 @@ __all__ = [
     "MAPPINGS",
     "MPM",
     "PAPER",
+    "AbsorbingLayer",
     "AccelerationCorrection",
     "Checkpoint",
     "Contact",
     "Contribution",
     "DeadLoad",
     "Energy",
+    "FarField",
     "FiniteElements",
     "Fixed",
     "GeneralizedAlpha",

@@ -472,3 +472,19 @@ def counting(run) -> Counting:
     """The run's solver, which counts from here on: ``run.solves`` leaves out those that correct."""
     run.equilibrium.ksp = Counting(run.equilibrium.ksp)
     return run.equilibrium.ksp
+
+
+def plain(run):
+    """Cells without points, and what moves there: a run tells of the points alone."""
+    return run.scene.plain
+
+
+def at_nodes(run, field):
+    """Values (nodes, dim) of a field of plain cells, which a run keeps to itself."""
+    return run.motion.nodal(field)
+
+
+def let_drift(run):
+    """A run that does not look how far material has come from its plain cells, to see what else
+    stops it."""
+    run.scene.drifting.check = lambda: None

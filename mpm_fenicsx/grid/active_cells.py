@@ -31,6 +31,13 @@ class Region:
         self._held: np.ndarray | None = None
         self.dS: ufl.Measure | None = None
 
+    def leave_out(self, cells: np.ndarray | None) -> None:
+        """All cells but those that are marked (cells,), bool."""
+        if cells is None or not self.follows:
+            return
+        self.cells = np.flatnonzero(~cells[: self.grid.owned_cells]).astype(np.int32)
+        self._domains[0] = (dolfinx_versions.MATERIAL, self.cells)
+
     def cover(self, held: np.ndarray) -> None:
         """Only cells that are marked in ``held`` (cells,), or beside one that is, corners
         included."""

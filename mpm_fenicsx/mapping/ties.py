@@ -331,11 +331,21 @@ def _weigh(cells, values, dofs, weights, pointed, nodes, best, there):
 
 class Holding:
     """Ties what is light in the cells where something acts: in all that hold material, if
-    ``everywhere``; and so much that bodies ``at_rest`` come to rest and stay there."""
+    ``everywhere``; and so much that bodies ``at_rest`` come to rest and stay there.
 
-    def __init__(self, fills: Fills, ties: Ties, everywhere: bool, at_rest: bool):
+    ``full`` (cells,), bool: cells without points that are full of material, if there are any.
+    """
+
+    def __init__(
+        self,
+        fills: Fills,
+        ties: Ties,
+        everywhere: bool,
+        at_rest: bool,
+        full: np.ndarray | None = None,
+    ):
         self.ties, self._fills, self._everywhere = ties, fills, everywhere
-        self._heavy = HEAVY if at_rest else HEAVY_ENOUGH
+        self._heavy, self._full = HEAVY if at_rest else HEAVY_ENOUGH, full
         self._loaded: np.ndarray | None = None
         self._near = self._all = np.arange(ties.grid.cells)
 
@@ -349,6 +359,7 @@ class Holding:
         if not self._everywhere and not np.array_equal(loaded, self._loaded):
             self._loaded, self._near = loaded.copy(), np.flatnonzero(grid.lattice.spread(loaded))
         fills.weigh(self._near, pointed)
+        self._fill_up()
         acted = loaded + fills.there > 1 if not self._everywhere else (loaded > 1) | fills.there
         light = np.zeros(grid.nodes, dtype=bool)
         light[nodes[acted]] = True
@@ -357,8 +368,15 @@ class Holding:
         if grid.comm.allreduce(int(light.any()), op=MPI.MAX) or self.ties.P is not None:
             if not self._everywhere:
                 fills.weigh(self._all, pointed)
+                self._fill_up()
             light, heavy = self._share(light), self._share(fills.best >= heavy)
             self.ties.tie(light, heavy, acted | fills.there)
+
+    def _fill_up(self) -> None:
+        """Nodes of cells that are full without points are held by these."""
+        if self._full is not None:
+            self._fills.there |= self._full
+            self._fills.best[self.ties.grid.lattice.nodes[self._full]] = 1.0
 
     def _share(self, marks: np.ndarray) -> np.ndarray:
         """Marks of nodes (nodes,) with those of ghosts taken from their owners."""

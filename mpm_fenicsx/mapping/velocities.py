@@ -32,18 +32,27 @@ class Deposit:
 
     with the consistent mass M, its row sums M̄ and v₁ the divided values takes some of it out.
     Nodes of known motion have what is known, whatever points deposit there. ``mass`` (nodes,), kg,
-    is the lumped one.
+    is the lumped one, of points.
+    ``beside``: finite elements that count at the nodes which they share with points, by their
+    consistent mass; each with a ``density`` that ``dx`` integrates, ``V`` and ``A``, and ``own``
+    nodes that it does not share.
     """
 
-    def __init__(self, motion: Motion, density, dx: ufl.Measure, sweeps: int):
-        self.motion, self.sweeps = motion, whole("sweeps", sweeps, least=0)
+    def __init__(
+        self, motion: Motion, density, dx: ufl.Measure, sweeps: int, beside: Sequence = ()
+    ):
+        self.motion, self.sweeps, self._beside = motion, whole("sweeps", sweeps, least=0), beside
         V = dolfinx_versions.space(motion.grid.mesh, "Lagrange", 1, (1 + 2 * motion.grid.dim,))
         self._sums = fem.Function(V)  # mass, momentum, mass times acceleration
         self.mass = np.zeros(motion.grid.nodes)
-        if self.sweeps:
+        w = ufl.TestFunction(V)
+        masses = [weak_forms.inertia(p.density, self._sums, w) * p.edge_dx for p in beside]
+        self._shared = dolfinx_versions.compile_form(sum(masses)) if beside else None
+        if self.sweeps or beside:
             self._smooth = fem.Function(V)
+        if self.sweeps:
             self._averaging = dolfinx_versions.compile_form(
-                weak_forms.inertia(density, self._sums, ufl.TestFunction(V)) * dx
+                sum(masses, weak_forms.inertia(density, self._sums, w) * dx)
             )
 
     def predict(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil]) -> None:
@@ -55,22 +64,52 @@ class Deposit:
             stencil.deposit_motion(body.mass, body.velocity, body.acceleration, nodal)
         dolfinx_versions.gather(self._sums)
         self.mass[:] = nodal[:, 0]
+        if self._beside:
+            self._add_beside(nodal)
         velocity, acceleration = self._divided(nodal)
         self.motion.nodal(self.motion.v)[:] = velocity
         self.motion.nodal(self.motion.a)[:] = acceleration
 
-    def acceleration(self, force: fem.Function, ties: Ties | None) -> np.ndarray:
+    def acceleration(
+        self, force: fem.Function, ties: Ties | None, beside: np.ndarray | int = 0
+    ) -> np.ndarray:
         """Nodal accelerations (nodes, dim) of forces (N) by the same mass and, where no node is
-        tied, sweeps."""
+        tied, sweeps; or by that and mass (nodes,), kg, of finite elements ``beside``."""
         found = self.motion.nodal(force)
         if ties is not None:
-            ties.accelerate(force, self.mass)
+            ties.accelerate(force, self.mass + beside)
+            self.motion.know_start(np.zeros_like(found), found)
+            return found
+        if np.ndim(beside):
+            mass = self.mass + beside
+            found /= np.where(mass > 0.0, mass, np.inf)[:, None]
             self.motion.know_start(np.zeros_like(found), found)
             return found
         nodal = self._sums.x.array.reshape(len(found), 1 + 2 * self.motion.grid.dim)
         nodal[:] = 0.0
         nodal[:, 0], nodal[:, 1 + self.motion.grid.dim :] = self.mass, found
         return self._divided(nodal)[1].copy()
+
+    def _add_beside(self, nodal: np.ndarray) -> None:
+        """Add mass, momentum and mass times acceleration of the finite elements beside."""
+        from_points = nodal.copy()
+        nodal[:] = 0.0
+        for part in self._beside:
+            nodal[part.nodes] = self._of(part, part.nodes)
+        sums = self._smooth.x.array.reshape(nodal.shape)
+        sums[:] = 0.0
+        dolfinx_versions.assemble_vector(self._smooth, self._shared)
+        dolfinx_versions.gather(self._smooth)
+        nodal[:] = from_points
+        for part in self._beside:
+            nodal[part.shared] += sums[part.shared]
+            nodal[part.own] = self._of(part, part.own)
+
+    def _of(self, part, nodes: np.ndarray) -> np.ndarray:
+        """1, velocity and acceleration of finite elements at their nodes (n,)."""
+        motion = self.motion
+        moving = [motion.nodal(f)[nodes] for f in (part.V, part.A)]
+        return np.hstack((np.ones((len(nodes), 1)), *moving))
 
     def _divided(self, nodal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration (nodes, dim) of ``nodal`` mass, momentum and mass times
@@ -88,6 +127,8 @@ class Deposit:
                 dolfinx_versions.assemble_vector(self._smooth, self._averaging)
                 dolfinx_versions.gather(self._smooth)
                 _sharpen(divided, smooth, nodal)
+                for part in self._beside:
+                    nodal[part.own] = divided[part.own]
                 self.motion.know_start(velocity, acceleration)
         return velocity, acceleration
 

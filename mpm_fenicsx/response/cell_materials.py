@@ -64,12 +64,12 @@ def put_together(
 ) -> tuple:
     """What ``function(part)`` gives for each part's rows, as arrays over all Gauss points.
 
-    With one part they are those themselves.  ``like``: arrays of their shapes; what no part gives
-    is zero.
+    With one part of all points they are those themselves.  ``like``: arrays of their shapes; what
+    no part gives is as there.
     """
-    if len(parts) == 1:
+    if len(parts) == 1 and isinstance(parts[0].rows, slice):
         return function(parts[0])
-    found = tuple(np.zeros_like(a) for a in like)
+    found = tuple(a.copy() for a in like)
     for part in parts:
         for whole, value in zip(found, function(part), strict=True):
             whole[(part.rows, slice(value.shape[1])) if value.ndim > 1 else part.rows] = value
@@ -79,8 +79,8 @@ def put_together(
 class CellMaterials:
     """The ``materials`` of a grid's cells.
 
-    ``number`` (cells,): which of them each local and ghost cell is of.  Equal materials count as
-    one.  Where there is one, fields of its parameters are constants.
+    ``number`` (cells,): which of them each local and ghost cell is of, -1 for none (``without``).
+    Equal materials count as one.  Where there is one, fields of its parameters are constants.
     """
 
     def __init__(self, grid: Grid, materials: Sequence, number: np.ndarray):
@@ -128,6 +128,14 @@ class CellMaterials:
             f"{_named(entries if listed else given)}"
         )
 
+    def without(self, cells: np.ndarray | None) -> CellMaterials:
+        """The same but for cells (cells,), bool, that are of none of them."""
+        if cells is None:
+            return self
+        found = copy(self)
+        found.number = np.where(cells, -1, self.number)
+        return found
+
     def __repr__(self) -> str:
         if len(self.materials) == 1:
             return repr(self.materials[0])
@@ -153,11 +161,12 @@ class CellMaterials:
         return not anywhere(self.grid.comm, None if same else "other")
 
     def field(self, values: Sequence[float]) -> fem.Constant | fem.Function:
-        """A parameter of forms with one value a material: a constant, or a field of the cells."""
-        if len(values) == 1:
+        """A parameter of forms with one value a material: a constant, or a field of the cells, zero
+        in those of no material."""
+        if len(values) == 1 and (dolfinx_versions.FORMS_FOLLOW or (self.number >= 0).all()):
             return fem.Constant(self.grid.mesh, np.array(values[0]))
         f = fem.Function(dolfinx_versions.space(self.grid.mesh, "DQ", 0))
-        f.x.array[dolfinx_versions.cell_dofs(f.function_space)[:, 0]] = np.array(values)[
+        f.x.array[dolfinx_versions.cell_dofs(f.function_space)[:, 0]] = np.append(values, 0.0)[
             self.number
         ]
         return f
@@ -165,7 +174,7 @@ class CellMaterials:
     def parts(self, per_cell: int) -> list[MaterialRows]:
         """The rows of Gauss points, ``per_cell`` in each cell, of each material."""
         numbers = np.arange(len(self.number) * per_cell, dtype=np.int32)
-        if len(self.materials) == 1:
+        if len(self.materials) == 1 and (self.number >= 0).all():
             return [MaterialRows(self.materials[0], slice(None), numbers, numbers)]
         of = np.repeat(self.number, per_cell)
         rows = [np.flatnonzero(of == k).astype(np.int32) for k in range(len(self.materials))]
@@ -176,7 +185,7 @@ class CellMaterials:
 
     def elastic_stress(self, cells: np.ndarray, strain: np.ndarray) -> np.ndarray:
         """Stress rows (n, components), Pa, of ``cells`` (n,) after a strain (n, components)."""
-        if len(self.materials) == 1:
+        if len(self.materials) == 1 and (self.number[cells] >= 0).all():
             return hooke(self.materials[0].lame, strain, np.zeros_like(strain))
         found = np.zeros_like(strain)
         for k, material in enumerate(self.materials):

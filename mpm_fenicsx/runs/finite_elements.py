@@ -97,19 +97,22 @@ class FiniteElements(Run):
         self.reassemble = reassemble or materials.finite
         motion = self.motion = Motion(grid, stepping)
         self.displacement = fem.Function(grid.space, name="displacement")
-        numbers = [(law.density, *law.kinematics.reference(law)) for law in materials.materials]
-        density, λ, μ = (materials.field(values) for values in zip(*numbers, strict=True))
         dx = motion.region.dx(metadata={"quadrature_degree": 3})
         scene = self.scene = Scene(
             grid,
             motion,
-            density,
-            dx,
-            lame=(λ, μ),
+            dx=dx,
             stiffness_dx=dx,
             of_material=self._fields_of,
             b_bar=b_bar,
             at_rest=True,
+        )
+        scene.take_cells(self.terms)
+        motion.region.leave_out(scene.not_the_body())
+        materials = self.materials = materials.without(scene.not_the_body())
+        numbers = [(law.density, *law.kinematics.reference(law)) for law in materials.materials]
+        scene.density, *scene.lame = (
+            materials.field(values) for values in zip(*numbers, strict=True)
         )
         body = elasticity(scene, self.displacement)
         others = [inertia(scene)] if stepping.dynamic else []
@@ -409,4 +412,4 @@ class FiniteElements(Run):
         }
         if self.yielding is not None:
             found.update(self.yielding.energy(self.grid.owned_cells))
-        return found
+        return self.scene.add_energy(found)

@@ -55,6 +55,7 @@ from .options import (
     warn_of_courant,
 )
 from .redistribution import weights
+from .release import release
 from .repartitioning import Repartition, Repartitioner, divide
 from .run import Run
 from .scene_checks import bodies_of
@@ -157,12 +158,22 @@ class Simulation(Run):
             b_bar=mapping.b_bar,
             partly_filled=True,
             body_force=given.body_force,
+            occupied=self._occupied(),
         )
+        scene.take_cells(self.terms)
+        self._plain = scene.plain_cells()
         body = elasticity(scene)
         others = [inertia(scene)] if stepping.dynamic else []
         others += scene.bind(self.terms)
         self.contributions = [body, *others]
         self._reuse = reuse
+
+    def _occupied(self) -> np.ndarray:
+        """Which cells (cells,), bool, hold material points."""
+        held = np.zeros(self.grid.cells, dtype=bool)
+        for cell in self.cells:
+            held[cell] = True
+        return self.grid.share_cells(held)
 
     def _make(self) -> None:
         """What a step works with."""
@@ -206,7 +217,8 @@ class Simulation(Run):
             KnownVelocity(motion, self.courant_number / stepping.dt / TRANSITS) if known else None
         )
         if stepping.dynamic:
-            self.deposit = Deposit(motion, given.fields[0], given.mass_dx, mapping.sweeps)
+            fair = [part for part in scene.plain if part.fair]
+            self.deposit = Deposit(motion, given.fields[0], given.mass_dx, mapping.sweeps, fair)
             for body in self.bodies:
                 body.enter_dynamics()
             self.correction = correction_of(
@@ -271,7 +283,8 @@ class Simulation(Run):
         given = [comm.allreduce(int(body.acceleration.any())) for body in self._unmoved]
         unmoved = [*self._left, *(b for b, n in zip(self._unmoved, given, strict=True) if not n)]
         if (
-            not comm.allreduce(len(unmoved))
+            not self.stepping.dynamic
+            or not (comm.allreduce(len(unmoved)) or self.scene.plain)
             or self.initial_acceleration is InitialAcceleration.ZERO
         ):
             return
@@ -279,7 +292,10 @@ class Simulation(Run):
         self.predict()
         force = self.equilibrium.initial_force(self._internal_force())
         ties = None if self.holding is None or self.holding.ties.P is None else self.holding.ties
-        nodal = self.deposit.acceleration(force, ties)
+        beside = sum(part.lumped for part in self.scene.plain if part.heavy)
+        nodal = self.deposit.acceleration(force, ties, beside)
+        for part in self.scene.plain:
+            part.start_with(nodal)
         for body, stencil in zip(self.bodies, self.stencils, strict=True):
             if any(body is one for one in unmoved):
                 body.acceleration[:] = stencil.at_points(nodal)
@@ -294,6 +310,8 @@ class Simulation(Run):
     def prepare(self, start: float, end: float) -> None:
         """Where points are, what they give to the grid's fields and terms, and which cells that
         concerns."""
+        if self.scene.drifting is not None:
+            self.scene.drifting.prepare()
         self.locate()
         self.project()
         self.scene.prepare(start, end)
@@ -322,10 +340,28 @@ class Simulation(Run):
                 if one is composite
             ):
                 self._held[cell] = 1
+            if self._plain is not None:
+                self._held[self._plain] = 1
             composite.place(self.grid.share_cells(self._held))
         self._held[:] = 0
         for cell in self.cells:
             self._held[cell] = 1
+        if self._plain is not None:
+            self._refuse_in_plain()
+
+    def _refuse_in_plain(self) -> None:
+        """Raise ``RunError``, on all ranks, where a point has come into a plain cell."""
+        message = None
+        for number, (body, cell) in enumerate(zip(self.bodies, self.cells, strict=True)):
+            inside = np.flatnonzero(self._plain[cell])
+            if len(inside):
+                row = inside[0] if body.number is None else body.number[inside[0]]
+                owner = next(p.owner for p in self.scene.plain if p.marks[cell[inside[0]]])
+                message = (
+                    f"{self._of[number]}material point {row} at x={body.x[inside[0]]} has come "
+                    f"into a cell of the {owner}: give it fewer cells, or let the grid follow"
+                )
+        self._stop_together(message)
 
     def _migrate(self) -> None:
         """Points go to the ranks that own their cells."""
@@ -377,7 +413,11 @@ class Simulation(Run):
         if self.holding is None:
             ties = self.equilibrium.ties = Ties(self.grid, self.equilibrium.fixed)
             self.holding = Holding(
-                self.properties.fills(), ties, self._acts_everywhere, self._bound_for_rest
+                self.properties.fills(),
+                ties,
+                self._acts_everywhere,
+                self._bound_for_rest,
+                self._plain,
             )
             self._loaded = np.zeros_like(self._held)
         self._loaded[:] = 0
@@ -418,6 +458,8 @@ class Simulation(Run):
             except ValueError as error:
                 message = f"{self._of[number]}{error}"
         self._stop_together(message)  # before anything has changed
+        if self.scene.drifting is not None:
+            self.scene.drifting.check()
         before_step = [body.stress for body in self.bodies]
         with together(self.grid.comm, Exception):
             for body, stencil, (gradient, _) in zip(self.bodies, self.stencils, found, strict=True):
@@ -456,7 +498,7 @@ class Simulation(Run):
         self.project()
         fills = self.properties.fills()
         fills.weigh(np.arange(self.grid.cells), self._held)
-        return fills.there
+        return fills.there if self._plain is None else fills.there | self._plain
 
     def balance(self) -> tuple[np.ndarray, float]:
         """What supports bear with the points and loads as they are, and what is out of balance
@@ -522,6 +564,18 @@ class Simulation(Run):
         """Divide the grid anew among the ranks, by the weight of each of this rank's own cells
         (cells,), and go on as if nothing had happened.  Collective."""
         divide(self, weight)
+
+    def far_field_strain(self) -> float:
+        """The largest shear strain (-), the difference of principal strains, in far fields, at the
+        centres of their cells; 0 where there is none.  Collective."""
+        return max((p.largest_strain() for p in self.scene.plain if p.heavy), default=0.0)
+
+    def release(
+        self, where: Callable, per_cell: int | None = None, material=None
+    ) -> MaterialPoints:
+        """Make material points of cells of a far field, in mid-run: those whose centres x (dim, n),
+        m, lie where ``where`` says.  See ``runs.release``.  Collective."""
+        return release(self, where, per_cell, material)
 
     def forget_fields(self) -> None:
         """Fields on the mesh that is about to go are no numbers from now on, so that what has been
@@ -627,21 +681,28 @@ class Simulation(Run):
             found["kinetic"] = sum(
                 0.5 * float(body.mass @ (body.velocity**2).sum(axis=1)) for body in self.bodies
             )
-        return found
+        return self.scene.add_energy(found)
 
     def end_of_step(self) -> tuple[np.ndarray, np.ndarray]:
         """Nodal velocity (m/s) and acceleration (m/s²) (nodes, dim) at the end of the last step,
         of which the points have taken theirs.  Raises ``ValueError`` in statics."""
         if not self.stepping.dynamic:
             raise ValueError(f"end_of_step is of dynamic runs, got {self.stepping}")
-        return self.motion.end()
+        velocity, acceleration = self.motion.end()
+        for part in self.scene.plain:
+            velocity[part.own] = self.motion.nodal(part.V)[part.own]
+            acceleration[part.own] = self.motion.nodal(part.A)[part.own]
+        return velocity, acceleration
 
     def grid_fields(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """What to show on nodes, increment and velocity at the end of the step, and in cells,
+        """What to show on nodes, increment and velocity at the end of the step, and displacement
+        where there are cells without points (a far field, a layer), zero elsewhere; and in cells,
         nothing."""
         nodal = {"displacement_increment": self.motion.nodal(self.motion.u)}
         if self.stepping.dynamic:
             nodal["velocity"] = self.end_of_step()[0]
+        if self.scene.plain:
+            nodal["displacement"] = sum(self.motion.nodal(part.U) for part in self.scene.plain)
         return nodal, {}
 
     def stress_field(self) -> PointStressField:

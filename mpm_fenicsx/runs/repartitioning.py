@@ -86,6 +86,9 @@ def work(run, cell: float) -> np.ndarray:
     for of_body in run.cells:
         points += np.bincount(of_body, minlength=grid.cells)
     held = grid.lattice.spread(grid.share_cells((points > 0.0).astype(np.int8)).astype(bool))
+    plain = run.scene.plain_cells()
+    if plain is not None:
+        held |= plain
     return (points + cell * held)[: grid.owned_cells]
 
 

@@ -31,7 +31,7 @@ class ViscousBoundary:
         patch, motion, soil = scene.patch(self.on), scene.motion, self.material
         has(f"material of {type(self).__name__}", soil, ("density", "p_speed", "s_speed"))
         Z = patch.tensor(soil.density * soil.p_speed, soil.density * soil.s_speed)
-        work = weak_forms.dashpot(Z, motion.velocity, motion.w) * patch.measure
+        work = weak_forms.dashpot(Z, scene.velocity, motion.w) * patch.measure
 
         def energy() -> dict[str, object]:
             return {"absorbed": inner(Z * motion.u, motion.u) / motion.dt * patch.measure}

@@ -60,40 +60,51 @@ class Gravity:
         """Virtual work -∫ ρ g·w, and the work done."""
         motion, scene.body_loaded = scene.motion, True
         function, placed = scene.load("g of Gravity", self.g)
-        force = (
-            (scene.body_force or partial(_at_nodes, scene))
-            if placed
-            else partial(_everywhere, scene)
-        )
+        bodies = [(scene.density, scene.dx), *((p.density, p.dx) for p in scene.plain if p.heavy)]
+        forces = [
+            (partial(_at_nodes, scene, density) if placed else partial(_everywhere, scene, density))
+            for density, _ in bodies
+        ]
+        if placed and scene.body_force is not None:
+            forces[0] = scene.body_force
 
         contribution = Contribution()
 
-        def weight(value: Callable[[float, float, np.ndarray], np.ndarray]):
-            found, refresh = force(value)
-            contribution.before.append(refresh)
-            return found
+        def weight(value: Callable[[float, float, np.ndarray], np.ndarray], on):
+            work = 0
+            for force, (_, dx) in zip(forces, bodies, strict=True):
+                found, refresh = force(value)
+                contribution.before.append(refresh)
+                work += weak_forms.load(found, on) * dx
+            return work
 
         def energy() -> dict[str, object]:
-            mean = weight(lambda start, end, x: 0.5 * combined(function, start, end, x, 1.0))
-            return {"work": weak_forms.load(mean, motion.u) * scene.dx}
+            mean = partial(combined, function)
+            return {"work": weight(lambda a, b, x: 0.5 * mean(a, b, x, 1.0), motion.u)}
 
-        g = weight(lambda start, end, x: combined(function, start, end, x, motion.stepping.start))
-        contribution.work = contribution.force = -weak_forms.load(g, motion.w) * scene.dx
+        contribution.work = contribution.force = -weight(
+            lambda start, end, x: combined(function, start, end, x, motion.stepping.start),
+            motion.w,
+        )
         contribution.energy = energy
         return contribution
 
 
-def _everywhere(scene: Scene, value: Callable) -> tuple[object, Callable[[float, float], None]]:
+def _everywhere(
+    scene: Scene, density, value: Callable
+) -> tuple[object, Callable[[float, float], None]]:
     """ρb of a body force that is the same everywhere, and what refreshes it."""
     g, x = fem.Constant(scene.grid.mesh, np.zeros(scene.grid.dim)), np.zeros((1, scene.grid.dim))
 
     def refresh(start: float, end: float) -> None:
         g.value[:] = value(start, end, x)
 
-    return scene.density * g, refresh
+    return density * g, refresh
 
 
-def _at_nodes(scene: Scene, value: Callable) -> tuple[object, Callable[[float, float], None]]:
+def _at_nodes(
+    scene: Scene, density, value: Callable
+) -> tuple[object, Callable[[float, float], None]]:
     """The same of one that is given at the nodes."""
     g = fem.Function(scene.grid.space)
     x = scene.grid.space.tabulate_dof_coordinates()[:, : scene.grid.dim]
@@ -101,4 +112,4 @@ def _at_nodes(scene: Scene, value: Callable) -> tuple[object, Callable[[float, f
     def refresh(start: float, end: float) -> None:
         scene.motion.nodal(g)[:] = value(start, end, x)
 
-    return scene.density * g, refresh
+    return density * g, refresh

@@ -196,7 +196,8 @@ class PointPatch:
         self.surface = self.points = points
         self.tags: set[int] = set()
         self.acting: list[str] = []
-        self._at_rest = scene.at_rest
+        self._at_rest, self._stays = scene.at_rest, scene.plain_cells()
+        self._offset = self.grid.offset.copy()  # of the grid when points were last found
         self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
         self.faces = Faces(self.grid, points)
         self._held: dict[str, np.ndarray] = {}  # loads, row by row
@@ -430,6 +431,9 @@ class PointPatch:
 
     def locate(self) -> None:
         """Find the points, and cut their faces where grid lines cross them."""
+        if self._stays is not None and not np.array_equal(self._offset, self.grid.offset):
+            self.points.x[self._stays[self._cell]] += self.grid.offset - self._offset
+            self._offset[:] = self.grid.offset
         if self.migration is not None:
             self._migrate()
         self.grid.walk(self._inward(), self._cell)
@@ -453,13 +457,20 @@ class PointPatch:
         cells[self.faces.stencil.cell] = 2
 
     def carry(self) -> None:
-        """Move with the grid's displacement; at rest springs remember it, and points stay."""
+        """Move with the grid's displacement; at rest, and in plain cells, springs remember it, and
+        points stay."""
         u = self.motion.nodal(self.motion.u)
         if self._at_rest:
             if self.has_springs:
                 self.points.displacement += self.stencil.at_points(u)
             return
-        self.points.follow(self.stencil.at_points(u), self.stencil.gradient_at_points(u))
+        u, gradient = self.stencil.at_points(u), self.stencil.gradient_at_points(u)
+        if self._stays is not None:
+            at_rest = self._stays[self._cell]
+            if self.points.displacement is not None:
+                self.points.displacement[at_rest] += u[at_rest]
+            u[at_rest] = gradient[at_rest] = 0.0
+        self.points.follow(u, gradient)
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""

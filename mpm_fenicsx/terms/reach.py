@@ -49,6 +49,8 @@ def check_reach(
     if not acting and not scene.supports:
         return
     there = _nodes_with_material(scene.grid, bodies, cells, stencils)
+    for part in scene.plain:
+        there[part.nodes] = 1.0
     for support in scene.supports:
         _check_support(scene, support, there)
     for patch in acting:
@@ -151,8 +153,7 @@ def _fill(grid: Grid, body: MaterialPoints, cell: np.ndarray) -> np.ndarray:
 
 def _check_support(scene: Scene, term: Fixed, there: np.ndarray) -> None:
     found = [
-        (name, on_facets(scene.grid, scene.grid.facets(name), there)[0])
-        for name in dict.fromkeys(term.on.names)
+        (str(name), on_facets(scene.grid, part, there)[0]) for name, part in term.on.parts().items()
     ]
     bare = ", ".join(name for name, touched in found if touched == 0.0)
     if not bare:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 import ufl
@@ -13,11 +14,14 @@ from ..common.checks import in_short
 from ..common.ranks import anywhere, together, warn
 from ..common.spread import Spread
 from ..dynamics.motion import Motion
+from ..grid import dolfinx_versions
 from ..grid.form_degree import degree
 from ..grid.grid import Grid
 from .boundary_patches import patch
 from .contribution import Contribution
+from .drift import Drift
 from .load_functions import TRIALS, Load, as_load
+from .plain_cells import PlainCells, mixed_velocity
 
 
 @dataclass
@@ -32,16 +36,19 @@ class Scene:
     ``b_bar``: volume changes cell by cell (see ``body.elastic_work``).
     ``body_force`` makes ρb (N/m³) of a body force per mass that varies in space, and what refreshes
     it: at nodes, where it is not given.
+    ``occupied`` (cells,), bool: which cells hold material points at the start; all, if None.
     ``at_rest``: integrals are taken in the configuration at rest, where surface points stay.
 
     ``contributions``: what the terms do, in their order; ``patches``: the surfaces that they act
-    on; ``fixed``: Dirichlet conditions, and ``supports`` the terms that set them.
+    on; ``fixed``: Dirichlet conditions, and ``supports`` the terms that set them; ``plain``: cells
+    without points that terms have taken, with a motion of their own; ``empty`` (cells,), bool:
+    cells that terms keep free of material.
     """
 
     grid: Grid
     motion: Motion
-    density: object
-    dx: ufl.Measure
+    density: object = None
+    dx: ufl.Measure | None = None
     lame: tuple = ()
     stiffness_dx: ufl.Measure | None = None
     of_material: Callable | None = None
@@ -49,13 +56,18 @@ class Scene:
     partly_filled: bool = False
     body_force: Callable | None = None
     at_rest: bool = False
+    occupied: np.ndarray | None = None
     fixed: list = field(default_factory=list)
     supports: list = field(default_factory=list)
     contributions: list[Contribution] = field(default_factory=list)
     patches: list = field(default_factory=list)
+    plain: list[PlainCells] = field(default_factory=list)
     loads: list[Load] = field(default_factory=list)
+    drifting: Drift | None = None
+    empty: np.ndarray | None = None
     body_loaded: bool = False
     _binding: str = field(default="", repr=False)
+    _parts: dict[int, PlainCells] = field(default_factory=dict, repr=False)
 
     def bind(self, terms: Sequence) -> list[Contribution]:
         """What the terms do, one contribution a term."""
@@ -77,6 +89,18 @@ class Scene:
             self._check_work(found)
             self.contributions.append(found)
         self._binding = ""
+        for term in terms:
+            if hasattr(term, "beside_others") and hasattr(term, "check"):
+                term.check(self)
+        drift = self.drifting = self._drift()
+        if drift is not None:
+            self.contributions.append(
+                Contribution(
+                    after=[drift.carry],
+                    memory={"offset": drift.offset, "moved": drift.moved},
+                    spread={"moved": Spread.NODES},
+                )
+            )
         return self.contributions
 
     def _check_work(self, found: Contribution) -> None:
@@ -96,6 +120,93 @@ class Scene:
                 f"terms: {whose} is not linear in the increment u; a step is iterated for laws "
                 "alone, so take what is not linear at the start of the step, in before"
             )
+
+    def take_cells(self, terms: Sequence) -> None:
+        """Terms that are made of plain cells take theirs, layers beside others last."""
+        takers = [term for term in terms if hasattr(term, "take_cells")]
+        for term in sorted(takers, key=lambda term: term.beside_others):
+            term.take_cells(self)
+
+    def _drift(self) -> Drift | None:
+        """What watches how far points have come from the plain cells that they are bonded to; None
+        where they are beside none.  Collective."""
+        if self.occupied is None or not self.plain:
+            return None
+        nodes = dolfinx_versions.cell_dofs(self.grid.space)[self.occupied]
+        of_points = np.unique(nodes)
+        beside = [part for part in self.plain if np.isin(part.nodes, of_points).any()]
+        shared = np.intersect1d(of_points, np.concatenate([part.nodes for part in self.plain]))
+        if not self.grid.comm.allreduce(len(shared)):
+            return None
+        follows = any(part.follows for part in self.plain)
+        return Drift(self.grid, self.motion, beside or self.plain, shared, follows)
+
+    def filled(self) -> np.ndarray:
+        """Which cells (cells,), bool, hold material: points, or what terms have taken so far."""
+        everywhere = np.ones(self.grid.cells, dtype=bool)
+        found = everywhere if self.occupied is None else self.occupied.copy()
+        for part in self.plain:
+            found |= part.marks
+        return found
+
+    def claim(self, term, marks: np.ndarray) -> PlainCells:
+        """Cells (cells,), bool, become plain ones: those of the term.
+
+        Raises ``ValueError``, on all ranks, for no cells at all, cells with material points, and
+        such as another term has.
+        """
+        grid, name = self.grid, type(term).__name__
+        marks = grid.share_cells(np.asarray(marks, dtype=bool))
+        if not grid.comm.allreduce(int(marks[: grid.owned_cells].any())):
+            raise ValueError(f"{name}: no cell of the grid is in it")
+        fault = None
+        for part in self.plain:
+            if (part.marks & marks).any():
+                at = self._centre(part.marks & marks)
+                fault = f"{name} and {part.owner} both have the cell at x={at}"
+        if self.occupied is not None and (self.occupied & marks).any():
+            at = self._centre(self.occupied & marks)
+            fault = (
+                f"{name}: there are material points in the cell at x={at}: leave them out, or give "
+                "it cells without"
+            )
+        fault = anywhere(grid.comm, fault)
+        if fault:
+            raise ValueError(fault)
+        self.plain.append(PlainCells(grid, self.motion, marks, name))
+        self._parts[id(term)] = self.plain[-1]
+        return self.plain[-1]
+
+    def part(self, term) -> PlainCells:
+        """The cells that a term has claimed."""
+        return self._parts[id(term)]
+
+    def _centre(self, marks: np.ndarray) -> np.ndarray:
+        """Centre (dim,), m, of the first of the cells that are marked."""
+        return self.grid.centres[int(np.argmax(marks))]
+
+    def not_the_body(self) -> np.ndarray | None:
+        """Which cells (cells,), bool, are not the body's where that fills the grid: plain and empty
+        ones; None where it has all."""
+        plain = self.plain_cells()
+        found = [marks for marks in (plain, self.empty) if marks is not None]
+        return np.any(found, axis=0) if found else None
+
+    def plain_cells(self) -> np.ndarray | None:
+        """Which cells (cells,), bool, are plain; None where no term has any."""
+        return np.any([part.marks for part in self.plain], axis=0) if self.plain else None
+
+    def add_energy(self, found: dict[str, float]) -> dict[str, float]:
+        """``found`` with the energies (J) of plain cells, of this rank."""
+        for part in self.plain:
+            for name, value in part.energy().items():
+                found[name] += value
+        return found
+
+    @cached_property
+    def velocity(self):
+        """Velocity in the balance of forces, as each cell has it."""
+        return mixed_velocity(self.motion, self.plain)
 
     def patch(self, surface):
         """The boundary patch of a surface, one for all terms that act on it."""
@@ -145,6 +256,8 @@ class Scene:
         with together(self.grid.comm):
             for known in self.motion.moved:
                 known.prepare(start, end, self.motion.stepping)
+        for part in self.plain:
+            part.know_start()
         for p in self.patches:
             p.prepare(start, end)
         for contribution in self.contributions:
