@@ -90,7 +90,7 @@ def arguments(gallery_conf, script_vars):
     """What demos are called with: results go to a temporary folder, the long one is quick."""
     builtins.__file__ = script_vars["src_file"]  # demos ask for it, and the gallery gives them none
     name = Path(script_vars["src_file"]).name
-    options = {name: [] for name in ("column.py", "column_3d.py", "footing_3d.py")}
+    options = {name: [] for name in ("column.py", "column_3d.py", "footing_3d.py", "lamb.py")}
     options["foundation.py"] = ["--quick"]
     return [*options[name], "--results", str(RESULTS)] if name in options else []
 
