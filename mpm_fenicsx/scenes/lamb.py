@@ -4,8 +4,8 @@ A strip in plane strain, or a square in three dimensions, is struck by Ricker's 
 and a surface wave run off to the edges of the box: viscous or viscoelastic ones, or an absorbing
 layer, which send a part of them back.  ``"large"`` is the same ground on a mesh so wide that
 nothing comes back before the end: what the others are measured by, with the same cells and steps.
-The load is so small that points stay in their cells.
-Units: m, s, kg, Pa.
+How the surface moves in plane strain is exact in ``analytical.half_space``.  The load is so small
+that points stay in their cells.  Units: m, s, kg, Pa.
 
     large, layer = (Lamb(edge).finite_elements() for edge in ("large", "layer"))
     known, found = (run.record(Watch(Lamb())) for run in (large, layer))
@@ -23,6 +23,7 @@ import numpy as np
 
 import mpm_fenicsx as mpm
 
+from ..analytical.half_space import settlement_beside_a_strip
 from ..output.recorders import Series
 
 BOUNDARIES = ("viscous", "viscoelastic", "layer", "large")
@@ -158,6 +159,13 @@ class Lamb:
         )
         stepping = mpm.Newmark(self.step)
         return mpm.Simulation(grid, body, stepping, self.terms(grid), mapping, **options)
+
+    def answer(self, x: float, times: np.ndarray) -> np.ndarray:
+        """Exact settlement (n,), m, of the surface at ``x`` (m) at even times (n,), s, from 0 on,
+        of a scene in 2D."""
+        pressure = self.load * self.history(times, self.period)
+        speeds = soil.p_speed, soil.s_speed
+        return settlement_beside_a_strip(x, self.cell, times, pressure, *speeds, soil.density)
 
 
 POINT_LOAD = {"dim": 3, "cells": 6, "wave": 8.0, "periods": 3.5}
