@@ -24,7 +24,6 @@ import numpy as np
 import mpm_fenicsx as mpm
 
 from ..analytical.half_space import settlement_beside_a_strip
-from ..output.recorders import Series
 
 BOUNDARIES = ("viscous", "viscoelastic", "layer", "large")
 
@@ -172,21 +171,36 @@ POINT_LOAD = {"dim": 3, "cells": 6, "wave": 8.0, "periods": 3.5}
 """Of a scene in 3D that runs in a minute: ``Lamb("layer", **POINT_LOAD)``."""
 
 
-class Watch(Series):
-    """Recorder of the displacements of the box's nodes: ``values`` (n, nodes, dim), m, at the start
-    and after each step, nodes in the order of their ``places`` (nodes, dim), which is the same
-    whatever lies around.  For one rank.  Raises ``ValueError`` for several.
+class Watch:
+    """Recorder of the displacements of the box's nodes, for one rank.
+
+    ``times`` (n,), s, and ``values`` (n, nodes, dim), m: at the start and after each step, nodes in
+    the order of their ``places`` (nodes, dim), which is the same whatever lies around.  Raises
+    ``ValueError`` for several ranks.
     """
 
     def __init__(self, scene: Lamb):
-        super().__init__()
         self._scene = scene
+        self._times: list[float] = []
+        self._values: list[np.ndarray] = []
+
+    @property
+    def times(self) -> np.ndarray:
+        """When it looked (n,), s."""
+        return np.array(self._times)
+
+    @property
+    def values(self) -> np.ndarray:
+        """What it saw (n, nodes, dim), m."""
+        return np.array(self._values)
 
     def attach(self, run) -> None:
         """Find the nodes."""
         grid, scene = run.grid, self._scene
         if grid.comm.size > 1:
-            raise ValueError(f"Watch is for one rank, the run has {grid.comm.size}")
+            raise ValueError(
+                f"Watch is for one rank, the run has {grid.comm.size}: start it on one"
+            )
         x = grid.space.tabulate_dof_coordinates()[:, : grid.dim]
         at = np.flatnonzero(scene.inside(x.T))
         self._nodes = at[np.lexsort(np.round(x[at] / scene.cell).T)]
@@ -194,10 +208,9 @@ class Watch(Series):
 
     def __call__(self, run) -> None:
         """Add the step's increment."""
-        if not self._values:
-            self.note(run, np.zeros((len(self._nodes), run.grid.dim)))
-        else:
-            self.note(run, self._values[-1] + run.nodal("increment")[self._nodes])
+        moved = run.nodal("increment")[self._nodes]
+        self._times.append(run.time)
+        self._values.append(self._values[-1] + moved if self._values else np.zeros_like(moved))
 
     def at(self, place) -> np.ndarray:
         """Vertical displacement (n,), m, positive downwards, at the node nearest to a place (dim,),
