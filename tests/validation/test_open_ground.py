@@ -63,13 +63,10 @@ def in_turns(runs, blocks=9, steps=25):
     return {name: float(np.median(times)) for name, times in taken.items()}
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("periods", [5.0, 10.0])
+@pytest.mark.parametrize("method, periods", [("FE", 5.0), ("FE", 10.0), ("DM-GC", 5.0)])
 def test_a_mesh_with_dashpots_that_does_as_well(method, periods):
     """The least enlargement, by bisection; it grows with the time that is looked at, as the echo
     has to come later, and the layer does not."""
-    if method == "DM-GC" and periods > 5:
-        pytest.skip("its large mesh has 80,000 points; the time matters as in finite elements")
     scene = Lamb("large", periods=periods)
     known = watched(scene, method)
     layer, around = replace(scene, boundary="layer", around=None), [0, scene.around]
@@ -121,9 +118,9 @@ def test_nothing_grows_in_100_000_steps():
 def test_nothing_grows_in_20_000_steps_of_points():
     """What stays is motion and stress of points that nodes do not see."""
     largest, left = energies("DM-GC", 20_000, 200)
-    print(f"DM-GC: at step 2,000 {left[9] / largest:.3e}, at last {left[-1] / largest:.3e}")
-    assert left[9] < 1e-8 * largest
-    assert left[-1] < (1 + 1e-3) * left[9]
+    print(f"DM-GC: at step 2,000 {left[8] / largest:.3e}, at last {left[-1] / largest:.3e}")
+    assert left[8] < 1e-8 * largest
+    assert left[-1] < (1 + 1e-3) * left[8]
 
 
 # -- at rest ---------------------------------------------------------------------------------------
