@@ -9,8 +9,8 @@ that points stay in their cells.  Units: m, s, kg, Pa.
 
     large, layer = (Lamb(edge).finite_elements() for edge in ("large", "layer"))
     known, found = (run.record(Watch(Lamb())) for run in (large, layer))
-    for run in (large, layer):
-        run.until(Lamb().end)
+    large.until(Lamb().end)
+    layer.until(Lamb().end)
     found.error(known)
 """
 
