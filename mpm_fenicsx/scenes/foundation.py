@@ -1,4 +1,5 @@
-"""A strip presses on soil that softens, between fixed, viscous or viscoelastic boundaries.
+"""A strip presses on soil that softens, between fixed, viscous or viscoelastic boundaries, or in an
+absorbing layer.
 
 The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2.  Units: m, s, kg, Pa.
 The paper prints neither load nor softening modulus nor the points' places: they are assumed here,
@@ -12,6 +13,12 @@ the capacity (2 + π) c (``scenes.strip``).
     scene = Foundation("viscous", cell=0.125)
     run = scene.material_points()
     run.until(end)
+
+Beside what the paper has, the soil away from the strip can be a far field of finite elements, and a
+layer can absorb what reaches its edges::
+
+    Foundation("viscous", box=(2.0, 2.0))  # points in 2 m x 2 m under the strip
+    Foundation("layer", box=(2.0, 2.0))
 """
 
 from __future__ import annotations
@@ -24,6 +31,9 @@ import numpy as np
 import mpm_fenicsx as mpm
 
 BOUNDARIES = ("fixed", "viscous", "viscoelastic")
+"""The paper's."""
+LAYER = "layer"
+"""Cells that absorb, around the body, beside these."""
 
 # The paper's.
 width, height, strip = 6.0, 4.0, 1.0
@@ -59,13 +69,32 @@ def under_strip(x):
     return np.abs(x[0] - axis) < strip / 2 + 1e-9
 
 
+def in_body(x):
+    """Whether x lies in the body."""
+    return (x[0] > 0) & (x[0] < width) & (x[1] > 0) & (x[1] < height)
+
+
+def _strip(x):
+    return under_strip(x) & (np.abs(x[1] - height) < 1e-9)
+
+
+def _edge(x):
+    """Sides and base, without what lies above the body."""
+    at_side = (np.abs(x[0] - axis) > axis - 1e-9) & (x[1] < height + 1e-9)
+    return at_side | (np.abs(x[1]) < 1e-9)
+
+
 @dataclass(frozen=True)
 class Foundation:
     """The foundation between one kind of boundary, under a load.
 
-    ``boundary``: one of ``BOUNDARIES``; ``load`` (Pa) and ``history`` (t, load), the pressure (Pa)
-    on the strip; ``softening`` (Pa), or the soil's whole ``law``; ``cell`` (m), ``step`` (s);
-    ``loading``: ``Traction``, or ``DeadLoad`` that keeps its force; ``more`` terms.
+    ``boundary``: one of ``BOUNDARIES``, or ``LAYER``; ``load`` (Pa) and ``history`` (t, load), the
+    pressure (Pa) on the strip; ``softening`` (Pa), or the soil's whole ``law``; ``cell`` (m),
+    ``step`` (s); ``loading``: ``Traction``, or ``DeadLoad`` that keeps its force; ``more`` terms.
+    ``box``: width and depth (m), whole cells, of the soil under the strip; outside of it is a far
+    field of elastic finite elements, which follows what settles.  All is soil, if None.
+    Raises ``ValueError`` for a boundary of another name, and for a box that does not end on grid
+    lines inside the body.
     """
 
     boundary: str
@@ -77,11 +106,31 @@ class Foundation:
     loading: type = mpm.Traction
     law: mpm.Law | None = None
     more: tuple = ()
+    box: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        if self.boundary not in (*BOUNDARIES, LAYER):
+            raise ValueError(
+                f"boundary must be one of {', '.join((*BOUNDARIES, LAYER))}, got {self.boundary!r}"
+            )
+        if self.box is not None:
+            wide, deep = self.box
+            lines = np.array([(width - wide) / 2, height - deep]) / self.cell
+            if not (strip < wide < width and 0 < deep < height) or (lines % 1).any():
+                raise ValueError(
+                    f"box must be wider than the strip, {strip} m, lie inside the body and end on "
+                    f"grid lines, which are {self.cell} m apart, got {self.box}"
+                )
 
     @property
     def soil(self) -> mpm.Law:
         """The law of the body."""
         return self.law or soil(self.softening)
+
+    def in_box(self, x) -> np.ndarray:
+        """Whether x (dim, n) lies in the body, where that is soil rather than a far field."""
+        wide, deep = self.box or (width, height)
+        return (np.abs(x[0] - axis) < wide / 2) & (x[1] > height - deep) & (x[1] < height)
 
     def terms(self, surface, grid) -> list:
         """The scene; ``surface`` gives facets to finite elements and surface points to material
@@ -90,26 +139,34 @@ class Foundation:
             surface("top", where=under_strip),
             lambda t: (0.0, -float(self.history(t, self.load))),
         )
+        return [*self._far_field(), pressed, *self._edges(surface, grid), *self.more]
+
+    def _edges(self, surface, grid) -> list:
+        """What holds the body at its sides and its base."""
+        if self.boundary == LAYER:
+            return [self.layer]
         if self.boundary == "fixed":
-            edges = [mpm.Fixed(grid.facets("left", "right"), "x"), mpm.Fixed(grid.facets("bottom"))]
-        else:
-            edge = surface("left", "right", "bottom")
-            edges = [
-                mpm.ViscousBoundary(edge, elastic)
-                if self.boundary == "viscous"
-                else mpm.ViscoelasticBoundary(edge, elastic, radius)
-            ]
-        return [pressed, *edges, *self.more]
+            return [mpm.Fixed(grid.facets("left", "right"), "x"), mpm.Fixed(grid.facets("bottom"))]
+        far = self.box is not None
+        edge = grid.facets("edge") if far else surface("left", "right", "bottom")
+        if self.boundary == "viscous":
+            return [mpm.ViscousBoundary(edge, elastic)]
+        return [mpm.ViscoelasticBoundary(edge, elastic, radius)]
+
+    @property
+    def layer(self) -> mpm.AbsorbingLayer:
+        """The layer around the body."""
+        return mpm.AbsorbingLayer(("left", "right", "bottom"), elastic)
+
+    def _far_field(self) -> list:
+        if self.box is None:
+            return []
+        return [mpm.FarField(lambda x: in_body(x) & ~self.in_box(x), elastic, follows=True)]
 
     def finite_elements(self, **options) -> mpm.FiniteElements:
         """The twin, small strain: facets of the mesh bear the load and the dashpots; ``options`` of
         ``FiniteElements``."""
-        grid = mpm.Grid.box(
-            (0, 0),
-            (width, height),
-            (round(width / self.cell), round(height / self.cell)),
-            facets={"strip": lambda x: under_strip(x) & (np.abs(x[1] - height) < 1e-9)},
-        )
+        grid = self._around(self._beyond, 0, strip=_strip)
 
         def surface(*sides, where=None):
             return grid.facets("strip") if where else grid.facets(*sides)
@@ -122,15 +179,25 @@ class Foundation:
         """Of material points: with ``room`` (m, whole cells at least) for heave, and around sides
         and base where they drift."""
         rows = int(np.ceil(room / self.cell - 1e-9))
-        around, room = rows * (self.boundary != "fixed"), rows * self.cell
-        edge = around * self.cell
+        drifts = self.box is None and self.boundary in ("viscous", "viscoelastic")
+        return self._around(rows if drifts else self._beyond, rows)
+
+    @property
+    def _beyond(self) -> int:
+        """Rows of cells around sides and base that are no part of the body and hold no points."""
+        return self.layer.thickness if self.boundary == LAYER else 0
+
+    def _around(self, beyond: int, above: int, **facets: Callable) -> mpm.Grid:
+        """The body's grid, with so many rows of cells beyond its sides and base, and above it."""
+        edge, room = beyond * self.cell, above * self.cell
         return mpm.Grid.box(
             (-edge, -edge),
             (width + edge, height + room),
             (
-                round(width / self.cell) + 2 * around,
-                round(height / self.cell) + around + rows,
+                round(width / self.cell) + 2 * beyond,
+                round(height / self.cell) + beyond + above,
             ),
+            facets={"edge": _edge, **facets} if self.box else facets,
         )
 
     def material_points(
@@ -148,7 +215,7 @@ class Foundation:
             grid,
             self.soil,
             per_cell=4,
-            inside=lambda x: (x[0] > 0) & (x[0] < width) & (x[1] > 0) & (x[1] < height),
+            inside=self.in_box,
         )
         scene = self.terms(points.surface, grid)
         return kind(grid, points, mpm.Newmark(self.step), scene, mapping, **options)
