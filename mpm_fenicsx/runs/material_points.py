@@ -162,6 +162,10 @@ class Simulation(Run):
         )
         scene.take_cells(self.terms)
         self._plain = scene.plain_cells()
+        self._goes_on = {
+            one: scene.goes_on(body.material.lame)
+            for one, body in zip(self.composites, self.bodies, strict=False)
+        }
         body = elasticity(scene)
         others = [inertia(scene)] if stepping.dynamic else []
         others += scene.bind(self.terms)
@@ -341,7 +345,7 @@ class Simulation(Run):
             ):
                 self._held[cell] = 1
             if self._plain is not None:
-                self._held[self._plain] = 1
+                self._held[self._goes_on[composite]] = 1
             composite.place(self.grid.share_cells(self._held))
         self._held[:] = 0
         for cell in self.cells:

@@ -196,6 +196,18 @@ class Scene:
         """Which cells (cells,), bool, are plain; None where no term has any."""
         return np.any([part.marks for part in self.plain], axis=0) if self.plain else None
 
+    def goes_on(self, lame: tuple[float, float]) -> np.ndarray:
+        """Which plain cells (cells,), bool, are ground of these λ and μ (Pa), so that strain goes
+        on in them: those of a far field of that material, and none of a layer, whose lengths are
+        no lengths of the body's."""
+        found = np.zeros(self.grid.cells, dtype=bool)
+        for part in self.plain:
+            if part.heavy:
+                dofs = dolfinx_versions.cell_dofs(part.λ.function_space)[:, 0]
+                λ, μ = part.λ.x.array[dofs], part.μ.x.array[dofs]
+                found |= part.marks & np.isclose(λ, lame[0]) & np.isclose(μ, lame[1])
+        return found
+
     def add_energy(self, found: dict[str, float]) -> dict[str, float]:
         """``found`` with the energies (J) of plain cells, of this rank."""
         for part in self.plain:
