@@ -1,7 +1,9 @@
 """A strip on soil that softens
 ============================
 
-Fixed, viscous and viscoelastic boundaries under the same pulses.
+Fixed, viscous and viscoelastic boundaries under the same pulses; beside them, what the paper has
+not: points in a box under the strip alone, in a far field of finite elements, and a layer that
+absorbs at its edges.
 
 The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2, built in
 ``mpm_fenicsx.scenes.foundation``, which says what is assumed.  Units: m, s, kg, Pa.
@@ -9,7 +11,7 @@ The foundation of Do, Vardon, González Acosta & Hicks (2023), section 4.2, buil
 Run it by::
 
     python demos/foundation.py            the paper's grid, a few minutes
-    python demos/foundation.py --quick    cells of 0.125 m, half a minute
+    python demos/foundation.py --quick    cells of 0.125 m, less than a minute
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ from mpm_fenicsx import Energy, Grid, Probe, RunError
 from mpm_fenicsx.scenes.foundation import (
     ASSUMED,
     BOUNDARIES,
+    LAYER,
     Foundation,
     axis,
     dt,
@@ -57,6 +60,14 @@ maps_load, maps_softening = (
     100e3,
 )  # where the maps look most like the paper's: studies/foundation_load.py
 
+BOX = (2.0, 2.0)  # m, of the points in a far field
+WIDE = "wide mesh of finite elements"  # from which nothing comes back
+GROUND = {  # names of figure and table; boundary, box
+    "all points, dashpots": ("viscous", None),
+    "points in 2 m × 2 m, dashpots": ("viscous", BOX),
+    "points in 2 m × 2 m, layer": (LAYER, BOX),
+}
+
 YIELDED = 1e-4  # plastic strain
 DEPARTURES = {
     "departs_from_viscous_s": 0.02,
@@ -77,7 +88,9 @@ FIGURES = {  # of a row, with the scale and the form in which the table shows th
 
 def material_points(scene):
     """Material points on a grid of ``meshes/``: with room for heave, and around sides and base
-    where they drift."""
+    where they drift; on the scene's own grid where ``meshes/`` has none."""
+    if scene.box or scene.boundary == LAYER:
+        return scene.material_points()
     kind = "fixed" if scene.boundary == "fixed" else "absorbing"
     grid = Grid.read(HOME / "meshes" / f"foundation_{kind}{CELLS[scene.cell]}.vtu")
     return scene.material_points(grid=grid)
@@ -107,8 +120,8 @@ def plastic_map(run):
 
 
 def measure(run, scene, until=end, progress=None):
-    """Run: a row of figures; curves of time, vertical stress at point 1, q at point 2; the plastic
-    strain's map."""
+    """Run: a row of figures; curves of time, vertical stress at point 1, q at point 2, settlement;
+    the plastic strain's map."""
     above, below = (run.record(Probe("stress", at)) for at in (point_1, point_2))
     surface, energy = run.record(Probe("displacement", (axis, height))), run.record(Energy())
     row = {
@@ -138,7 +151,8 @@ def measure(run, scene, until=end, progress=None):
     )
     if energy["work"][-1] > 0.0:
         row["energy_error"] = float(abs(energy.lost[-1]) / energy["work"][-1])
-    return row, (t, above.values[:, 1], q), (corner, size, strain)
+    down = -surface.values[:, 1]
+    return row, (t, above.values[:, 1], q, down), (corner, size, strain)
 
 
 def departure(fixed, viscous, share=0.02):
@@ -155,6 +169,46 @@ def scenes(settings, cell, twin):
         for boundary in BOUNDARIES:
             for method in METHODS if twin else ("DM-GC",):
                 yield method, Foundation(boundary, *setting, cell)
+
+
+def open_ground(load, softening, cell, whole, advance):
+    """Rows of the ``GROUND`` and of a ``WIDE`` mesh, and time, q at point 2 and settlement of each
+    by name.
+
+    ``whole``: row and curve of all points between dashpots, which have been run; ``advance`` is
+    told the steps.
+    """
+    rows, curves = [], {}
+    for name, (boundary, box) in {**GROUND, WIDE: (LAYER, None)}.items():
+        scene = Foundation(boundary, load, softening, cell, box=box)
+        if boundary == "viscous" and box is None:
+            row, curve = whole
+        else:
+            run = scene.wide_ground() if name == WIDE else material_points(scene)
+            row, curve, _ = measure(run, scene, end, advance)
+        t, _, q, down = curve
+        n = min(len(q), len(whole[1][2]))
+        every = whole[1][2][:n]
+        apart = float(np.linalg.norm(q[:n] - every) / np.linalg.norm(every))
+        rows.append({"ground": name, **row, "q_apart": apart})
+        curves[name] = (t, q, down)
+    return rows, curves
+
+
+def table_of_ground(rows):
+    """The same rows as a table for the terminal."""
+    shown = Table(box=None, padding=(0, 1, 0, 0), title="Open ground, beside the paper")
+    for name in ("", "q max\nkPa", "q(t) apart\n%", "down\nmm", "ms\na step"):
+        shown.add_column(name, justify="right" if name else "left", no_wrap=not name)
+    for row in rows:
+        shown.add_row(
+            row["ground"],
+            f"{row['max_deviatoric_kpa']:.2f}",
+            f"{100 * row['q_apart']:.2f}",
+            f"{1e3 * row['settlement_m']:.1f}",
+            f"{1e3 * row['seconds_per_step']:.0f}",
+        )
+    return shown
 
 
 def table(rows):
@@ -227,9 +281,24 @@ def draw(curves, found, settings, cell, folder):
     )
 
 
+def draw_ground(histories, setting, cell, folder):
+    """What far field and layer change."""
+    matplotlib.use("Agg")
+    import foundation_figures
+
+    load, softening = setting
+    foundation_figures.ground(
+        histories,
+        height - point_2[1],
+        f"Strip foundation in open ground, {load / 1e3:g} kPa, softening {softening / 1e3:g} kPa\n"
+        f"(DM-GC, h = {cell:g} m, Δt = {1e3 * dt:g} ms, 4 points a cell)",
+        folder / "foundation_ground.png",
+    )
+
+
 def main(arguments=None) -> list[dict]:
-    """Run the scenes, print the table, write foundation.json, foundation.png and
-    foundation_maps.png."""
+    """Run the scenes, print the tables, write foundation.json, foundation_ground.json and
+    foundation.png, foundation_maps.png, foundation_ground.png; the rows of the first."""
     parser = argparse.ArgumentParser(description="A strip on soil that softens")
     parser.add_argument("--quick", action="store_true", help="cells of 0.125 m")
     parser.add_argument("--load", type=float, metavar="kPa", help="one load for curves and maps")
@@ -261,7 +330,8 @@ def main(arguments=None) -> list[dict]:
     )
     with Progress(*columns, console=console) as progress:
         steps = round(end / dt)
-        task = progress.add_task("", total=len(todo) * steps)
+        more = len(GROUND)  # less the first, and a wide mesh
+        task = progress.add_task("", total=(len(todo) + more) * steps)
         for number, (method, scene) in enumerate(todo):
             boundary, setting = scene.boundary, (scene.load, scene.softening)
             progress.update(task, description=f"{method}, {boundary}, {scene.load / 1e3:g} kPa")
@@ -281,12 +351,24 @@ def main(arguments=None) -> list[dict]:
             if setting == settings[-1]:
                 found[method, boundary] = strain
             (chosen.results / "foundation.json").write_text(json.dumps(rows, indent=1) + "\n")
+        progress.update(task, description=f"far field, {settings[0][0] / 1e3:g} kPa")
+        whole = next(r for r in rows if (r["method"], r["boundary"]) == ("DM-GC", "viscous"))
+        ground, histories = open_ground(
+            *settings[0],
+            cell,
+            (whole, curves["DM-GC", "viscous"]),
+            lambda _: progress.advance(task),
+        )
+    (chosen.results / "foundation_ground.json").write_text(json.dumps(ground, indent=1) + "\n")
     draw(curves, found, settings, cell, chosen.results)
+    draw_ground(histories, settings[0], cell, chosen.results)
     console.print(table(rows))
-    console.print(
-        f"figures: {chosen.results / 'foundation.png'}, {chosen.results / 'foundation_maps.png'}, "
-        f"rows: {chosen.results / 'foundation.json'}"
-    )
+    console.print(table_of_ground(ground))
+    for kind, names in {
+        "figures": ("foundation.png", "foundation_maps.png", "foundation_ground.png"),
+        "rows": ("foundation.json", "foundation_ground.json"),
+    }.items():
+        console.print(f"{kind}: {', '.join(str(chosen.results / name) for name in names)}")
     return rows
 
 

@@ -14,9 +14,9 @@ WIDTHS = {"fixed": 3.0, "viscous": 5.5, "viscoelastic": 2.2}  # the absorbing on
 def histories(curves, pressure, plateau, apart, depths, title, path):
     """Load, vertical stress at one point and deviatoric stress q at another, over time.
 
-    ``curves``: (time, vertical stress, q) by method and boundary; ``pressure``: time and load;
-    ``apart``: when fixed leaves viscous by a share of its largest q, or None; ``depths`` of the
-    points.
+    ``curves``: (time, vertical stress, q, settlement) by method and boundary; ``pressure``: time
+    and load; ``apart``: when fixed leaves viscous by a share of its largest q, or None; ``depths``
+    of the points.
     """
     fig, axes = plt.subplots(
         3,
@@ -30,7 +30,7 @@ def histories(curves, pressure, plateau, apart, depths, title, path):
     t, p = pressure
     above.fill_between(t, p / 1e3, color="0.85")
     above.plot(t, p / 1e3, color="0.3", lw=1)
-    for (method, boundary), (time, vertical, q) in curves.items():
+    for (method, boundary), (time, vertical, q, _) in curves.items():
         style = (
             {"lw": 0.9, "ls": (0, (5, 2))}
             if method == "FE"
@@ -132,5 +132,48 @@ def maps(found, boundaries, body, strip, title, path):
         f"{title}\nmaterial points where they are then, elements undeformed; blue: strip as it was",
         fontsize=11,
     )
+    fig.savefig(path, dpi=150)
+    plt.close(fig)
+
+
+def ground(histories, depth, title, path):
+    """Deviatoric stress q, how far it is from the first one's, and settlement, over time.
+
+    ``histories``: (time, q, settlement) by name; ``depth`` of the point of q.
+    """
+    fig, (above, middle, below) = plt.subplots(
+        3,
+        1,
+        figsize=(8.5, 8.5),
+        sharex=True,
+        layout="constrained",
+        gridspec_kw={"height_ratios": (1, 0.6, 1)},
+    )
+    first, every, _ = next(iter(histories.values()))
+    styles = (
+        ("#E69F00", 5.5, "-"),
+        ("#0072B2", 2.0, "-"),
+        ("#CC79A7", 3.5, "-"),
+        ("0.15", 1.2, (0, (4, 2.5))),
+    )
+    for (name, (t, q, down)), (colour, wide, dashes) in zip(histories.items(), styles, strict=True):
+        style = {"color": colour, "lw": wide, "ls": dashes, "label": name}
+        n = min(len(first), len(t))
+        above.plot(t, q / 1e3, **style)
+        middle.plot(t[:n], 100 * (q[:n] - every[:n]) / every.max(), **style)
+        below.plot(t, 1e3 * down, **style)
+    above.set(
+        ylabel="deviatoric stress q (kPa)",
+        title=f"point 2: on the axis, {depth:.2f} m deep (assumed)",
+        ylim=(0, None),
+    )
+    middle.set(ylabel="difference (%)", title="q less that of all points, of its largest value")
+    below.set(ylabel="settlement (mm)", title="middle of the strip", xlabel="time (s)")
+    for ax in (above, middle, below):
+        ax.grid(alpha=0.3)
+        ax.set_xlim(0, first[-1])
+        ax.title.set_fontsize(10)
+    above.legend(loc="upper left", fontsize=9)
+    fig.suptitle(title, fontsize=11)
     fig.savefig(path, dpi=150)
     plt.close(fig)

@@ -84,6 +84,15 @@ def _edge(x):
     return at_side | (np.abs(x[1]) < 1e-9)
 
 
+def _growing(size: float, growth: float, largest: float, reach: float) -> np.ndarray:
+    """Distances (n,), m, of grid lines from an edge, whose cells grow until they ``reach``."""
+    lines = [0.0]
+    while lines[-1] < reach:
+        size = min(growth * size, largest)
+        lines.append(lines[-1] + size)
+    return np.array(lines[1:])
+
+
 @dataclass(frozen=True)
 class Foundation:
     """The foundation between one kind of boundary, under a load.
@@ -116,7 +125,8 @@ class Foundation:
         if self.box is not None:
             wide, deep = self.box
             lines = np.array([(width - wide) / 2, height - deep]) / self.cell
-            if not (strip < wide < width and 0 < deep < height) or (lines % 1).any():
+            off = np.abs(lines - np.round(lines)).max()
+            if not (strip < wide < width and 0 < deep < height) or off > 1e-6:
                 raise ValueError(
                     f"box must be wider than the strip, {strip} m, lie inside the body and end on "
                     f"grid lines, which are {self.cell} m apart, got {self.box}"
@@ -135,11 +145,12 @@ class Foundation:
     def terms(self, surface, grid) -> list:
         """The scene; ``surface`` gives facets to finite elements and surface points to material
         points."""
-        pressed = self.loading(
-            surface("top", where=under_strip),
-            lambda t: (0.0, -float(self.history(t, self.load))),
-        )
+        pressed = self._pressed(surface("top", where=under_strip))
         return [*self._far_field(), pressed, *self._edges(surface, grid), *self.more]
+
+    def _pressed(self, on):
+        """The load on the strip."""
+        return self.loading(on, lambda t: (0.0, -float(self.history(t, self.load))))
 
     def _edges(self, surface, grid) -> list:
         """What holds the body at its sides and its base."""
@@ -174,6 +185,25 @@ class Foundation:
         return mpm.FiniteElements(
             grid, self.soil, mpm.Newmark(self.step), self.terms(surface, grid), **options
         )
+
+    def wide_ground(self, growth: float = 1.1, largest: float = 0.5) -> mpm.FiniteElements:
+        """Finite elements in ground so wide that nothing comes back until ``end``, whatever the
+        ``boundary``: cells of the body's size there, outside of it each ``growth`` times the one
+        before, up to the ``largest`` (m)."""
+        reach = elastic.p_speed * (end - first) / 2  # m, there and back
+        beyond = _growing(self.cell, growth, largest, reach)
+        across = np.linspace(0.0, width, round(width / self.cell) + 1)
+        down = np.linspace(0.0, height, round(height / self.cell) + 1)
+        grid = mpm.Grid.rectilinear(
+            [
+                np.concatenate((-beyond[::-1], across, width + beyond)),
+                np.concatenate((-beyond[::-1], down)),
+            ],
+            facets={"strip": _strip},
+        )
+        pressed = self._pressed(grid.facets("strip"))
+        edges = mpm.Fixed(grid.facets("left", "right", "bottom"))
+        return mpm.FiniteElements(grid, self.soil, mpm.Newmark(self.step), [pressed, edges])
 
     def grid(self, room: float = 0.25) -> mpm.Grid:
         """Of material points: with ``room`` (m, whole cells at least) for heave, and around sides
