@@ -69,6 +69,21 @@ def foundation() -> str:
     return markdown(("boundary", "largest q at point 2, DM-GC (FE)", "at", "solves a step"), body)
 
 
+def foundation_ground() -> str:
+    """The strip foundation with a far field, a layer, and in wide ground."""
+    body = [
+        [
+            row["ground"],
+            f"{row['max_deviatoric_kpa']:.2f} kPa",
+            f"{100 * row['q_apart']:.2f} %",
+            f"{1e3 * row['settlement_m']:.1f} mm",
+        ]
+        for row in rows("foundation_ground")
+    ]
+    heads = ("ground", "largest q at point 2", "q(t) apart from all points (L2)")
+    return markdown((*heads, "settlement at 0.925 s"), body)
+
+
 def nonlinear() -> str:
     """Ways through a non-linear step: solves, and the change of settlement with the step."""
     ways = {
@@ -120,6 +135,19 @@ def cost() -> str:
     heads = ("points", "DM-GC, ms", "the same, `reuse=1e-3`", "FE, reassembled", "FE, Cholesky")
     more = ("FE, factor kept", "DM-GC (reuse) ÷ FE", "÷ FE, Cholesky")
     return markdown((*heads, *more), body)
+
+
+def far_field() -> str:
+    """The strip foundation with points in a box alone: a step over one of all points."""
+    found = rows("far_field")
+    body = []
+    for name in found[0]["ratios"]:
+        ratios = [row["ratios"][name] for row in found]
+        points = found[0]["points"][name]
+        cells = [f"{median:.2f} ({low:.2f} to {high:.2f})" for median, low, high in ratios]
+        body.append([name, f"{points:,}" if points else "none", *cells])
+    heads = ("strip foundation", "points", *(f"{row['law']}, of all points' step" for row in found))
+    return markdown(heads, body)
 
 
 def peers() -> str:
@@ -267,7 +295,7 @@ def projection() -> str:
 TABLES: dict[str, Callable[[], str]] = {
     made.__name__: made
     for made in (
-        *(column, foundation, nonlinear, cost, peers),
+        *(column, foundation, foundation_ground, nonlinear, cost, far_field, peers),
         *(ranks, messages, balance, pays, projection),
     )
 }
