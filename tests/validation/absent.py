@@ -63,4 +63,5 @@ ABSENT = (
     ("16 S wave along", BUT_DM_GC, OPTION),
     ("16 disc on dashpots", BUT_DM_GC, OPTION),
     ("collapse of a block, h = 1 m", BUT_DM_GC, OPTION),
+    ("17 foundation", BUT_DM_GC, OPTION),
 )
