@@ -1,5 +1,7 @@
 """Layers absorb what comes to them, and nothing else happens there."""
 
+import warnings
+
 import numpy as np
 import open_ground
 import pytest
@@ -240,6 +242,22 @@ def test_nothing_moves_when_statics_become_dynamics(points):
     speed = body.velocity if points else run.nodal("velocity")
     assert np.abs(speed).max() < 1e-12  # m/s; 4e-4 Pa of weight make 4e-4 m/s
     assert run.energy()["strain"] > 1e-9
+
+
+@pytest.mark.parametrize("follows", [False, True])
+def test_material_that_moves_from_it_is_told_of_unless_the_grid_follows(follows):
+    grid = mpm.Grid.box((0.0, 0.0), (20.0, 20.0), (20, 20))
+    body = mpm.MaterialPoints.fill(grid, soil, 4, lambda x: (x > 7).all(0))
+    body.velocity = np.tile((0.05, 0.0), (len(body), 1))
+    layer = mpm.AbsorbingLayer(("left", "bottom"), soil, follows=follows)
+    run = mpm.Simulation(grid, body, mpm.Newmark(0.3), [layer], solver=TIGHT)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        for _ in range(5):
+            run.step()
+    said = [w for w in told if "beside AbsorbingLayer has moved by 0.02" in str(w.message)]
+    assert len(said) == (0 if follows else 1)
+    assert bool(run.grid.offset.any()) == follows
 
 
 def test_it_lies_beside_the_body_alone():

@@ -17,10 +17,13 @@ import numpy as np
 
 from ..common.compiled import jit
 from ..common.errors import RunError
+from ..common.ranks import warn
 from ..dynamics.motion import Motion
 from ..grid.grid import Grid
 from .plain_cells import PlainCells
 
+NEAR = 0.02
+"""Of a cell: what is told of material beside a layer."""
 FAR = 0.1
 """Of a cell: what material may have moved from plain cells beside it, all of it together."""
 APART = 0.25
@@ -46,6 +49,7 @@ class Drift:
         self._count = max(self.grid.comm.allreduce(len(self._mine)), 1)
         self.offset = self.grid.offset.copy()
         self.moved = np.zeros(self.grid.nodes * self.grid.dim)
+        self._near_layer = any(not part.heavy for part in self.parts)
         self.names = " and ".join(dict.fromkeys(part.owner for part in self.parts))
 
     def prepare(self) -> None:
@@ -68,6 +72,14 @@ class Drift:
             raise RunError(
                 f"parts of the material beside {self.names} have moved by {spread / cell:.2g} of a "
                 "cell more than others: leave more points between it and what moves"
+            )
+        if not self.follows and self._near_layer and np.abs(mean).max() > NEAR * cell:
+            self._near_layer = False
+            warn(
+                comm,
+                f"the material beside {self.names} has moved by {np.abs(mean).max() / cell:.2g} of "
+                "a cell away from it, and what a layer sends back grows with that: let the grid "
+                "follow, follows=True, or put a far field between",
             )
         if not self.follows and np.abs(mean).max() > FAR * cell:
             raise RunError(
