@@ -136,21 +136,31 @@ class PlainCells:
         for f in self.history():
             self.motion.nodal(f)[others] = 0.0
 
+    @cached_property
+    def _slopes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Nodes of this rank's own of these cells (cells, 2^dim), and ∂N/∂x of each at their
+        centres (cells, 2^dim, dim), 1/m."""
+        grid = self.grid
+        own = self.cells[self.cells < grid.owned_cells]
+        slope = (2 * digits(2, grid.dim) - 1) / 2 ** (grid.dim - 1)  # ∂N/∂ξ
+        x = grid.made_at[dolfinx_versions.cell_vertices(grid.mesh)[own]]
+        inverse = np.linalg.inv(np.einsum("cki,kj->cij", x, slope))
+        nodes = dolfinx_versions.cell_dofs(grid.space)[own]
+        return nodes, np.einsum("kj,cji->cki", slope, inverse)
+
     def largest_strain(self) -> float:
         """The largest difference of principal strains (-), at the centres of the cells.
         Collective."""
-        grid = self.grid
-        own = self.cells[self.cells < grid.owned_cells]
-        slope = (2 * digits(2, grid.dim) - 1) / 2 ** (grid.dim - 1)  # ∂N/∂ξ at the centre
-        x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)[own]][..., : grid.dim]
-        U = self.motion.nodal(self.U)[dolfinx_versions.cell_dofs(grid.space)[own]]
-        jacobian = np.einsum("cki,kj->cij", x, slope)
-        gradient = np.einsum("cki,kj->cij", U, slope) @ np.linalg.inv(jacobian)
-        principal = np.zeros((len(own), 3))  # in plane strain one of them is zero
+        nodes, slopes = self._slopes
+        gradient = np.einsum("cki,ckj->cij", self.motion.nodal(self.U)[nodes], slopes)
         strain = 0.5 * (gradient + gradient.transpose(0, 2, 1))
-        principal[:, : grid.dim] = np.linalg.eigvalsh(strain)
-        largest = np.ptp(principal, axis=1).max(initial=0.0)
-        return grid.comm.allreduce(float(largest), op=MPI.MAX)
+        if self.grid.dim == 3:
+            largest = np.ptp(np.linalg.eigvalsh(strain), axis=1)
+        else:  # the third principal strain is zero
+            mean = 0.5 * (strain[:, 0, 0] + strain[:, 1, 1])
+            radius = np.hypot(0.5 * (strain[:, 0, 0] - strain[:, 1, 1]), strain[:, 0, 1])
+            largest = np.maximum(2.0 * radius, np.abs(mean) + radius)
+        return self.grid.comm.allreduce(float(largest.max(initial=0.0)), op=MPI.MAX)
 
     def start_with(self, acceleration: np.ndarray) -> None:
         """Take nodal accelerations (nodes, dim), m/s², at the start."""
