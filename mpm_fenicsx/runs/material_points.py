@@ -172,6 +172,10 @@ class Simulation(Run):
         self.contributions = [body, *others]
         self._reuse = reuse
 
+    def _mass_beside(self) -> np.ndarray | float:
+        """Lumped mass (nodes,), kg, of finite elements beside the points."""
+        return sum((part.lumped for part in self.scene.plain if part.heavy), 0.0)
+
     def _occupied(self) -> np.ndarray:
         """Which cells (cells,), bool, hold material points."""
         held = np.zeros(self.grid.cells, dtype=bool)
@@ -226,7 +230,11 @@ class Simulation(Run):
             for body in self.bodies:
                 body.enter_dynamics()
             self.correction = correction_of(
-                self.correction_kind, self.equilibrium, self.stress, self.deposit
+                self.correction_kind,
+                self.equilibrium,
+                self.stress,
+                self.deposit,
+                self._mass_beside(),
             )
 
     def change_step(self, stepping: Newmark | QuasiStatic) -> None:
@@ -237,7 +245,11 @@ class Simulation(Run):
         if stepping.dynamic and self.mapping.correction is None:
             self.correction_kind = chosen_correction(self.mapping, stepping, self.courant_number)
             self.correction = correction_of(
-                self.correction_kind, self.equilibrium, self.stress, self.deposit
+                self.correction_kind,
+                self.equilibrium,
+                self.stress,
+                self.deposit,
+                self._mass_beside(),
             )
 
     def _internal_force_of(self, mapping: PointMapping) -> InternalForce:
@@ -296,8 +308,7 @@ class Simulation(Run):
         self.predict()
         force = self.equilibrium.initial_force(self._internal_force())
         ties = None if self.holding is None or self.holding.ties.P is None else self.holding.ties
-        beside = sum(part.lumped for part in self.scene.plain if part.heavy)
-        nodal = self.deposit.acceleration(force, ties, beside)
+        nodal = self.deposit.acceleration(force, ties, self._mass_beside())
         for part in self.scene.plain:
             part.start_with(nodal)
         for body, stencil in zip(self.bodies, self.stencils, strict=True):

@@ -68,12 +68,18 @@ class LumpedCorrection(Correction):
     determinant 1, and neither gains nor loses while (κ - k) Δt² / 4m <= 1.
     """
 
-    def __init__(self, equilibrium: Equilibrium, stress: InternalForce, deposit: Deposit):
+    def __init__(
+        self,
+        equilibrium: Equilibrium,
+        stress: InternalForce,
+        deposit: Deposit,
+        beside: np.ndarray | float = 0.0,
+    ):
         super().__init__(equilibrium, stress)
-        self._deposit = deposit
+        self._deposit, self._beside = deposit, beside
 
     def _acceleration(self, force: np.ndarray) -> np.ndarray:
-        mass, motion = self._deposit.mass, self._equilibrium.motion
+        mass, motion = self._deposit.mass + self._beside, self._equilibrium.motion
         share = np.divide(
             1.0, motion.stepping.inertia * mass, out=np.zeros_like(mass), where=mass > 0.0
         )
@@ -98,11 +104,13 @@ def correction_of(
     equilibrium: Equilibrium,
     stress: InternalForce,
     deposit: Deposit,
+    beside: np.ndarray | float = 0.0,
 ) -> Correction | None:
-    """The correction of a kind; None for no correction."""
+    """The correction of a kind; None for no correction.  ``beside`` (nodes,), kg: lumped mass of
+    finite elements that share nodes with the points."""
     match kind:
         case AccelerationCorrection.LUMPED:
-            return LumpedCorrection(equilibrium, stress, deposit)
+            return LumpedCorrection(equilibrium, stress, deposit, beside)
         case AccelerationCorrection.IMPLICIT:
             return ImplicitCorrection(equilibrium, stress)
     return None
