@@ -292,11 +292,38 @@ def projection() -> str:
     return markdown((f"{points} points in 3D on {model['ranks']:,} ranks", ""), body)
 
 
+def open_boundaries() -> str:
+    """A box that is struck: error, and cost of a step, by what is done at its sides."""
+    body = []
+    found = {
+        (r["method"], r["boundary"]): r for r in rows("open_boundaries") if r["kind"] == "lamb"
+    }
+    for (method, boundary), row in found.items():
+        if method != "FE":
+            continue
+        points = found.get(("DM-GC", boundary))
+        errors = [f"{100 * row[name]:.2g} %" for name in ("error_early", "error")]
+        cost, name = f"{row['cost'][0]:.1f}", boundary
+        others = (
+            [f"{100 * points['error']:.2g} %", f"{points['cost'][0]:.1f}"] if points else ["", ""]
+        )
+        body.append([name, f"{row['cells']:,}", *errors, cost, *others])
+    heads = (
+        "at the sides of the box",
+        "cells",
+        "error until 40 h/c_s",
+        "until 120",
+        "cost of a step",
+    )
+    return markdown((*heads, "DM-GC: error until 120", "cost"), body)
+
+
 TABLES: dict[str, Callable[[], str]] = {
     made.__name__: made
     for made in (
         *(column, foundation, foundation_ground, nonlinear, cost, far_field, peers),
         *(ranks, messages, balance, pays, projection),
+        open_boundaries,
     )
 }
 
