@@ -2,7 +2,7 @@
 
     theory    energy that comes back of plane waves, exact for the grid (``analytical.reflection``)
               and for dashpots on a continuous ground (Lysmer & Kuhlemeyer 1969)
-    packet    the same of packets of waves in finite elements, at most a minute of CPU time each
+    packet    the same of packets of waves in finite elements, up to a minute of CPU time each
               (``open_boundaries_packets.py``)
     lamb      a box that is struck on its surface: error, and cost of a step
               (``open_boundaries_lamb.py``)
@@ -32,11 +32,22 @@ from mpm_fenicsx.analytical.reflection import Dashpots, reflected_energy
 from mpm_fenicsx.analytical.waves import dashpot_echo
 
 WAVES, POISSON, LAYERS = ("P", "S"), (0.25, 0.41), (2, 3, 5)
-ANGLES, STEPS_OF_ANGLE = (0, 20, 40, 60), 2.0  # degrees
+ANGLES, STEPS_OF_ANGLE = (0, 20, 40, 60), 1.0  # degrees
 STEEP = 70
-"""Degrees, of packets on the layer alone: on dashpots as well they would take a minute each."""
-LIMIT = 1e-4
-"""What a layer may send back."""
+"""Degrees, of packets on the layer alone: each takes a minute."""
+LIMIT = 3e-5
+"""What a layer of three absorbing cells may send back."""
+PLACES = {
+    ("FE", "dashpots"): ((8, -2), "left"),
+    ("FE", "springs"): ((6, -10), "left"),
+    ("FE", "layer, 3 cells"): ((0, -14), "right"),
+    ("DM-GC", "dashpots"): ((6, 7), "left"),
+    ("DM-GC", "layer, 3 cells"): ((-6, 8), "left"),
+    ("DM-GC", "dashpots, 32 cells further"): ((8, -10), "left"),
+}
+"""Of names in the figure, points from their marks."""
+LOWEST = 1e-8
+"""Shown of the energy."""
 COLOURS = {
     "dashpots": "#D55E00",
     "dashpots, continuous ground": "#000000",
@@ -110,14 +121,15 @@ def kept(path: Path) -> list[dict]:
 
 def figure(rows: list[dict], path: Path) -> None:
     """Energy that comes back against the angle, of P and of S waves; error against cost."""
-    fig, axes = report.subplots(1, 3, figsize=(13.5, 5.0), width_ratios=(1, 1, 1.15))
+    fig, axes = report.subplots(1, 3, figsize=(13.5, 4.9), width_ratios=(1, 1, 1.15))
     for axis, wave in zip(axes, WAVES, strict=False):
         _angles(axis, [row for row in rows if row.get("wave") == wave])
         axis.set_title(f"{wave} waves, {CELLS} cells a wavelength")
     axes[0].set_ylabel("energy that comes back / energy that came (-)")
-    axes[0].legend(fontsize=7.5, loc="lower right")
+    handles, labels = axes[0].get_legend_handles_labels()
+    fig.legend(handles, labels, loc="upper left", bbox_to_anchor=(0.03, 0.0), ncols=4, fontsize=8)
     _cost(axes[2], [row for row in rows if row["kind"] == "lamb"])
-    report.save(fig, path)
+    report.save(fig, path, bbox_inches="tight")
 
 
 def _angles(axis, rows: list[dict]) -> None:
@@ -144,7 +156,7 @@ def _angles(axis, rows: list[dict]) -> None:
             mec=COLOURS[boundary],
             mew=1.5,
             ms=7,
-            label=f"packets on {boundary.replace('layer,', 'a layer,')}, ν = 0.25",
+            label=f"{boundary}: packets of waves, ν = 0.25",
         )
         axis.semilogy(
             [row["degrees"] for row in found],
@@ -152,27 +164,35 @@ def _angles(axis, rows: list[dict]) -> None:
             "x",
             color=COLOURS[boundary],
             ms=5,
-            label="the same, theory over the packet's spectrum" if mark == "o" else None,
+            label=f"{boundary}: theory over the packets' spectra",
         )
-    axis.axhline(LIMIT, color="0.4", lw=0.8)
-    axis.text(1, 1.2 * LIMIT, "$10^{-4}$, the most a layer may send back", fontsize=7.5)
+    axis.axhline(LIMIT, color="0.4", lw=1.0, ls="-.", label="$3 · 10^{-5}$, the bound of the tests")
+    if rows[0]["wave"] == "S":
+        for poisson, style in zip(POISSON, ("-", "--"), strict=True):
+            soil = soil_of(poisson)
+            critical = np.degrees(np.arcsin(soil.s_speed / soil.p_speed))
+            axis.axvline(critical, color="0.7", lw=0.8, ls=style, zorder=0)
+            text = f"critical, ν = {poisson:g}"
+            axis.text(
+                critical, 1.5, text, rotation=90, va="top", ha="right", fontsize=7, color="0.3"
+            )
     axis.plot([], [], "k-", lw=1.2, label="ν = 0.25")
     axis.plot([], [], "k--", lw=1.2, label="ν = 0.41")
-    axis.set(xlabel="angle from the normal (degrees)", xlim=(-2, 81), ylim=(1e-12, 2.0))
+    axis.set(xlabel="angle from the normal (degrees)", xlim=(-2, 81), ylim=(LOWEST, 2.0))
     axis.grid(alpha=0.3)
 
 
 def _cost(axis, rows: list[dict]) -> None:
     for method, full in (("FE", True), ("DM-GC", False)):
         found = [row for row in rows if row["method"] == method]
-        line = [row for row in found if row["boundary"].startswith("dash")]
-        axis.plot(
-            [row["cost"][0] for row in line],
-            [100 * row["error"] for row in line],
-            color=COLOURS["dashpots"],
-            ls="-" if full else "--",
-            lw=1.0,
-        )
+        if full:
+            line = [row for row in found if row["boundary"].startswith("dash")]
+            axis.plot(
+                [row["cost"][0] for row in line],
+                [100 * row["error"] for row in line],
+                color=COLOURS["dashpots"],
+                lw=1.0,
+            )
         for row in found:
             name = row["boundary"].split(", ")[0]
             colour = COLOURS[row["boundary"] if name == "layer" else name]
@@ -183,18 +203,24 @@ def _cost(axis, rows: list[dict]) -> None:
             text = text.replace("layer, ", "").replace(" cells", "")
             text = f"+{text}" if name == "dashpots" and text != "dashpots" else text
             text = f"layer {text}" if name == "layer" else text
-            axis.annotate(text, (x, y), (6, 4), textcoords="offset points", fontsize=7.5)
+            text = text if full else f"{text}, {method}"
+            offset, side = PLACES.get((method, row["boundary"]), ((6, 4), "left"))
+            axis.annotate(text, (x, y), offset, textcoords="offset points", fontsize=7.5, ha=side)
         axis.plot([], [], "ks", mfc="k" if full else "white", label=method)
     axis.set(
         xscale="log",
         yscale="log",
         xlabel="cost of a step / the same with dashpots at the box (-)",
-        ylabel="error of displacement (%)",
-        title="A box of 24 × 12 cells, struck on its surface",
+        ylabel="error of displacement until 120 $h/c_s$ (%)",
+        title="Box of 24 × 12 cells, struck on its surface",
     )
     axis.plot([], [], color=COLOURS["dashpots"], label="dashpots, so many cells further away")
-    axis.grid(alpha=0.3, which="both")
-    axis.legend(fontsize=7.5)
+    axis.set_xticks([1, 2, 3, 5, 10, 20], ["1", "2", "3", "5", "10", "20"], minor=False)
+    axis.set_yticks([0.3, 1, 3, 10, 30], ["0.3", "1", "3", "10", "30"], minor=False)
+    axis.minorticks_off()
+    axis.set(xlim=(0.85, 24), ylim=(0.2, 30))
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=7.5, loc="lower left")
 
 
 def tables(rows: list[dict]) -> list[Table]:

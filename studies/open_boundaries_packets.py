@@ -104,9 +104,11 @@ class Packet:
     @property
     def cells(self) -> tuple[int, int]:
         """Of the body: room for the packet on its way down, and for what comes back; a P wave that
-        an S wave makes goes further to the right."""
+        an S wave makes goes further to the right, up to the critical angle and a little beyond."""
         sine, fast = np.sin(np.radians(self.degrees)), self.soil.p_speed / self.speed
-        along = max(sine, fast * min(1.0, fast * sine))  # m in the time of a metre of the packet
+        along = sine  # m in the time of a metre of the packet
+        if fast * sine < 1.3:
+            along = max(along, fast * min(1.0, fast * sine))
         right = along * self.start[1] / np.cos(np.radians(self.degrees))
         wide = self.meets + right + AWAY * self.spread[0]
         return round(wide), round(2 * AWAY * self.spread[1])

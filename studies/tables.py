@@ -294,28 +294,24 @@ def projection() -> str:
 
 def open_boundaries() -> str:
     """A box that is struck: error, and cost of a step, by what is done at its sides."""
-    body = []
+
+    def percent(error: float) -> str:
+        return f"{100 * error:.2g} %" if error > 1e-4 else "< 0.01 %"
+
     found = {
-        (r["method"], r["boundary"]): r for r in rows("open_boundaries") if r["kind"] == "lamb"
+        (row["method"], row["boundary"]): row
+        for row in rows("open_boundaries")
+        if row["kind"] == "lamb"
     }
-    for (method, boundary), row in found.items():
-        if method != "FE":
-            continue
-        points = found.get(("DM-GC", boundary))
-        errors = [f"{100 * row[name]:.2g} %" for name in ("error_early", "error")]
-        cost, name = f"{row['cost'][0]:.1f}", boundary
-        others = (
-            [f"{100 * points['error']:.2g} %", f"{points['cost'][0]:.1f}"] if points else ["", ""]
-        )
-        body.append([name, f"{row['cells']:,}", *errors, cost, *others])
-    heads = (
-        "at the sides of the box",
-        "cells",
-        "error until 40 h/c_s",
-        "until 120",
-        "cost of a step",
-    )
-    return markdown((*heads, "DM-GC: error until 120", "cost"), body)
+    body = []
+    for boundary in (name for method, name in found if method == "FE"):
+        row, points = found["FE", boundary], found.get(("DM-GC", boundary))
+        line = [boundary, f"{row['cells']:,}", percent(row["error_early"]), percent(row["error"])]
+        line.append(f"{row['cost'][0]:.1f}")
+        line += [percent(points["error"]), f"{points['cost'][0]:.1f}"] if points else ["", ""]
+        body.append(line)
+    heads = ("at the sides of the box", "cells", "FE: error until 40 h/c_s", "until 120")
+    return markdown((*heads, "cost of a step", "DM-GC: error until 120", "cost"), body)
 
 
 TABLES: dict[str, Callable[[], str]] = {
