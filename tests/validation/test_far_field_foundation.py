@@ -13,7 +13,6 @@ import pytest
 import mpm_fenicsx as mpm
 from mpm_fenicsx.scenes import foundation
 from mpm_fenicsx.scenes.foundation import Foundation
-from mpm_fenicsx.terms.far_field import largest_strain
 
 pytestmark = pytest.mark.validation
 
@@ -36,7 +35,7 @@ def curves(run):
 def pressed(load, box, boundary="viscous"):
     """The same of points, and the largest strain in the far field."""
     run = Foundation(boundary, load, box=box).material_points()
-    return *curves(run), largest_strain(run)
+    return *curves(run), run.far_field_strain()
 
 
 def apart(one, other):
