@@ -170,6 +170,15 @@ def test_what_would_grow_is_refused(how, message):
         between(soil, **how)
 
 
+@pytest.mark.parametrize("side", ["top", "bottom"])
+def test_loads_on_its_cells_are_refused(side):
+    grid = mpm.Grid.box((0.0, 0.0), (20.0, 20.0), (20, 20))
+    layer = mpm.AbsorbingLayer(("left", "bottom"), soil)
+    load = mpm.Traction(grid.facets(side), (0.0, -1.0))
+    with pytest.raises(ValueError, match=r"Traction on the facets .* acts on cells of the Absorb"):
+        mpm.FiniteElements(grid, soil, mpm.Newmark(0.3), [layer, load])
+
+
 def test_two_layers_of_one_scene_are_one():
     grid = mpm.Grid.box((0.0, 0.0), (20.0, 20.0), (20, 20))
     both = [mpm.AbsorbingLayer(side, soil) for side in ("left", "bottom")]

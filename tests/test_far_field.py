@@ -1,5 +1,7 @@
 """A far field of finite elements is the same ground as the points that it goes on from."""
 
+import dataclasses
+
 import numpy as np
 import open_ground
 import pytest
@@ -181,6 +183,45 @@ def test_cells_become_points_in_mid_run():
     assert momentum() == pytest.approx(before, rel=1e-12)
     assert sum(run.energy().values()) == pytest.approx(energy, rel=0.02)
     run.step()
+
+
+def test_energy_goes_on_where_cells_become_points():
+    """The balance of a column that is pushed, and ends on dashpots, is that without a release."""
+    lost = []
+    for released in (False, True):
+        grid = mpm.Grid.box((0.0, 0.0), (4.0, 8.0), (4, 8))
+        body = mpm.MaterialPoints.fill(grid, soil, 4, lambda x: x[1] > 4)
+        push = mpm.Traction(grid.facets("top"), (0.0, -1e-4))
+        dashpots = mpm.ViscousBoundary(grid.facets("bottom"), soil)
+        rollers = mpm.Fixed(grid.facets("left", "right"), "x")
+        terms = [mpm.FarField(lower(4.0), soil), push, dashpots, rollers]
+        run = mpm.Simulation(grid, body, mpm.Newmark(0.3), terms, solver=TIGHT)
+        energy = run.record(mpm.Energy())
+        for step in range(60):
+            if released and step == 20:
+                run.release(lambda x: x[1] > 3)
+            run.step()
+        lost.append((energy["work"][-1], energy["absorbed"][-1]))
+    assert lost[1] == pytest.approx(lost[0], rel=0.02)
+
+
+def test_b_bar_holds_in_the_far_field_too():
+    """Nearly incompressible ground under a strip settles as finite elements with b_bar do."""
+    clay = mpm.LinearElastic(young=2.5e6, poisson=0.4999, density=1000.0)
+    strip = {"strip": lambda x: (x[1] > -1e-9) & (abs(x[0] - 1) <= 0.5)}
+    grid = mpm.Grid.box((0.0, -6.0), (4.0, 0.0), (8, 12), facets=strip)
+    sides = mpm.Fixed(grid.facets("left", "right"), "x")
+    terms = [mpm.Traction(grid.facets("strip"), (0.0, -150.0)), sides]
+    terms = [*terms, mpm.Fixed(grid.facets("bottom"))]
+    body = mpm.MaterialPoints.fill(grid, clay, 4, lambda x: x[1] > -0.5)
+    far = mpm.FarField(lambda x: x[1] < -0.5, clay)
+    mapping = dataclasses.replace(mpm.DM_GC, b_bar=True)
+    run = mpm.Simulation(grid, body, mpm.QuasiStatic(1), [far, *terms], mapping)
+    twin = mpm.FiniteElements(grid, clay, mpm.QuasiStatic(1), terms, b_bar=True)
+    run.step()
+    twin.step()
+    settled = [one.nodal("increment")[:, 1].min() for one in (run, twin)]
+    assert settled[0] == pytest.approx(settled[1], rel=0.01)
 
 
 def test_the_twin_is_finite_elements_all_over():

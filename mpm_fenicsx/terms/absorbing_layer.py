@@ -156,6 +156,7 @@ class AbsorbingLayer:
         if not scene.motion.stepping.dynamic:
             return
         part, grid = scene.part(self), scene.grid
+        _refuse_loads(scene, part)
         low, high = _bounds(grid, grid.centres[part.body])
         size = grid.lattice.size[part.body]
         least = np.array([grid.comm.allreduce(h, op=MPI.MIN) for h in size.min(0, initial=np.inf)])
@@ -200,6 +201,24 @@ def _refuse_points(scene: Scene, zone: np.ndarray) -> None:
     fault = anywhere(scene.grid.comm, fault)
     if fault:
         raise ValueError(fault)
+
+
+def _refuse_loads(scene: Scene, part: PlainCells) -> None:
+    """Raise ``ValueError``, on all ranks, for terms on surfaces of the layer's own cells."""
+    for patch in scene.patches:
+        if patch.points is not None:
+            continue
+        cells, message = np.zeros(scene.grid.cells, np.int8), None
+        patch.mark_loaded(cells)
+        if (cells[part.marks] > 0).any():
+            message = (
+                f"on: {' and '.join(patch.acting)} on {patch} acts on cells of the AbsorbingLayer, "
+                "which stand for ground further out: name facets of the body alone "
+                "(Grid.box(..., facets=))"
+            )
+        message = anywhere(scene.grid.comm, message)
+        if message:
+            raise ValueError(message)
 
 
 def _bounds(grid: Grid, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..common.checks import chosen
-from ..common.ranks import together
+from ..common.ranks import anywhere, together
 from ..grid import weak_forms
 from ..materials.law_checks import check_law
 from .contribution import Contribution
@@ -83,6 +83,7 @@ class FarField:
             )
         for before in scene.plain:
             if before.heavy and np.array_equal(before.marks, part.marks):
+                _refuse_other_ground(part, before)
                 return before
         raise ValueError("start of FarField must be a run with a far field in the same cells")
 
@@ -100,6 +101,12 @@ class FarField:
         strain = weak_forms.strain(motion.known(part.U) + motion.u)
         stress = weak_forms.internal_work(weak_forms.hooke(part.λ, part.μ, strain), motion.w)
         work = force = stress * part.dx
+        if scene.b_bar:
+            u, centre = motion.known(part.U) + motion.u, part.measure({"quadrature_degree": 1})
+            distortion = weak_forms.distortion_work(part.μ, u, motion.w) * part.dx
+            work = force = (
+                distortion + weak_forms.dilation_work(part.λ, part.μ, u, motion.w) * centre
+            )
         if motion.stepping.dynamic:
             work += weak_forms.inertia(part.density, part.acceleration, motion.w) * part.dx
         return Contribution(
@@ -110,6 +117,19 @@ class FarField:
             spread=part.spread(),
             history=part.history(),
             note=f"{part.count()} cells",
+        )
+
+
+def _refuse_other_ground(part: PlainCells, before: PlainCells) -> None:
+    """Raise ``ValueError``, on all ranks, where the run before had other moduli or density."""
+    same = all(
+        np.array_equal(getattr(part, name).x.array, getattr(before, name).x.array)
+        for name in ("density", "λ", "μ")
+    )
+    if anywhere(part.grid.comm, None if same else "other"):
+        raise ValueError(
+            "start of FarField must be a run whose far field is of the same material: its stress "
+            "is that of the displacement"
         )
 
 
