@@ -136,6 +136,17 @@ def test_what_cannot_be_is_refused(how, message):
         small(**how)
 
 
+def test_a_start_that_leaves_springs_behind_is_warned_of():
+    run = small()
+    springs = mpm.ViscoelasticBoundary(run.grid.facets("left"), soil, 2.0)
+    before = mpm.Simulation(
+        run.grid, run.bodies[0], mpm.Newmark(0.3), [mpm.FarField(lower(4.0), soil), springs]
+    )
+    far = mpm.FarField(lower(4.0), soil, start=before)
+    with pytest.warns(UserWarning, match="springs on facets, and an AbsorbingLayer, of the run"):
+        mpm.Simulation(run.grid, run.bodies[0], mpm.Newmark(0.3), [far, springs])
+
+
 def test_two_far_fields_share_no_cell():
     grid = mpm.Grid.box((0.0, 0.0), (4.0, 8.0), (4, 8))
     body = mpm.MaterialPoints.fill(grid, soil, 4, lambda x: x[1] > 4)

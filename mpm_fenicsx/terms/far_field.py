@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..common.checks import chosen
-from ..common.ranks import anywhere, together
+from ..common.ranks import anywhere, together, warn
 from ..grid import weak_forms
 from ..materials.law_checks import check_law
 from .contribution import Contribution
@@ -84,6 +84,15 @@ class FarField:
         for before in scene.plain:
             if before.heavy and np.array_equal(before.marks, part.marks):
                 _refuse_other_ground(part, before)
+                layer = any(not other.heavy for other in scene.plain)
+                if layer or any(patch.has_springs for patch in scene.patches):
+                    warn(
+                        part.grid.comm,
+                        "start of FarField carries what the far field has: springs on facets, and "
+                        "an AbsorbingLayer, of the run before start unstressed; to go on as it was "
+                        "take a checkpoint",
+                        4,
+                    )
                 return before
         raise ValueError("start of FarField must be a run with a far field in the same cells")
 
