@@ -194,6 +194,9 @@ def test_cells_become_points_in_mid_run():
     assert momentum() == pytest.approx(before, rel=1e-12)
     assert sum(run.energy().values()) == pytest.approx(energy, rel=0.02)
     run.step()
+    new.velocity[:] = 1e6
+    with pytest.raises(mpm.RunError, match="body 1, "):
+        run.step()
 
 
 def test_energy_goes_on_where_cells_become_points():
@@ -233,6 +236,23 @@ def test_b_bar_holds_in_the_far_field_too():
     twin.step()
     settled = [one.nodal("increment")[:, 1].min() for one in (run, twin)]
     assert settled[0] == pytest.approx(settled[1], rel=0.01)
+    assert run.energy()["strain"] == pytest.approx(twin.energy()["strain"], rel=0.02)
+
+
+@pytest.mark.parametrize("law", [soil, mpm.VonMises(soil, 1e3, 1e3, 0.0)])
+def test_the_twin_tells_the_stress_of_its_far_field(law):
+    """That of a whole run, at cell centres and at Gauss points."""
+    grid = mpm.Grid.box((0.0, 0.0), (4.0, 8.0), (4, 8))
+    terms = [mpm.Fixed(grid.facets("bottom")), mpm.Traction(grid.facets("top"), (0.3, -1.0))]
+    parts = mpm.FiniteElements(
+        grid, law, mpm.QuasiStatic(1), [mpm.FarField(lower(4.0), soil), *terms]
+    )
+    whole = mpm.FiniteElements(grid, soil, mpm.QuasiStatic(1), terms)
+    for run in (parts, whole):
+        run.step()
+    cells = np.arange(grid.owned_cells)
+    assert parts.stress(cells) == pytest.approx(whole.stress(cells), rel=1e-9, abs=1e-9)
+    assert parts.gauss_stress() == pytest.approx(whole.gauss_stress(), rel=1e-9, abs=1e-9)
 
 
 def test_the_twin_is_finite_elements_all_over():

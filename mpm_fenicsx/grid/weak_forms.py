@@ -33,6 +33,14 @@ def dilation_work(λ, μ, u, w):
     return (λ + 2 * μ / 3) * div(u) * div(w)
 
 
+def elastic_work(λ, μ, u, w, dx, centre=None):
+    """Virtual work of the elastic stress of u, integrated; that of volume changes over ``centre``,
+    the same cells with one point each, if it is given (B-bar)."""
+    if centre is None:
+        return internal_work(hooke(λ, μ, strain(u)), w) * dx
+    return distortion_work(μ, u, w) * dx + dilation_work(λ, μ, u, w) * centre
+
+
 def row(ε):
     """In-plane strain as a vector with engineering shear strains, in the order of ``tensors``."""
     dim = ε.ufl_shape[0]

@@ -330,12 +330,15 @@ class FiniteElements(Run):
 
     def stress(self, cells: np.ndarray) -> np.ndarray:
         """Stress rows (n, components), Pa, at the centres of ``cells``."""
-        grid = self.grid
+        grid, plain = self.grid, self.scene.plain
+        found = None
         if self.yielding is not None:
             state = self.yielding.state
-            return state.reshape(-1, self.yielding.gauss.digit.shape[1], state.shape[1])[
+            found = state.reshape(-1, self.yielding.gauss.digit.shape[1], state.shape[1])[
                 cells
             ].mean(axis=1)
+            if not plain:
+                return found
         slope = (2 * digits(2, grid.dim) - 1) / 2 ** (grid.dim - 1)  # ∂N/∂ξ at the centre
         x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)[cells]][..., : grid.dim]
         u = self.nodal("displacement")[dolfinx_versions.cell_dofs(grid.space)[cells]]
@@ -343,7 +346,21 @@ class FiniteElements(Run):
             np.einsum("cki,kj->cij", x, slope)
         )
         strain = tensors.strain(gradient)
-        return self.materials.elastic_stress(cells, strain)
+        if found is None:
+            found = self.materials.elastic_stress(cells, strain)
+        return self._with_far_fields(found, cells, strain)
+
+    def _with_far_fields(
+        self, stress: np.ndarray, cells: np.ndarray, strain: np.ndarray
+    ) -> np.ndarray:
+        """Stress rows (n, components), Pa, in ``cells`` (n,) with those of far fields of that
+        strain."""
+        for part in self.scene.plain:
+            here = part.marks[cells] & part.heavy
+            if here.any():
+                stress = stress.copy()
+                stress[here] = part.stress(cells[here], strain[here])
+        return stress
 
     def stress_field(self) -> StressField:
         """Stress as it is now, bilinear (trilinear) through the Gauss points of each cell: a
@@ -369,11 +386,15 @@ class FiniteElements(Run):
 
     def gauss_stress(self) -> np.ndarray:
         """Stress rows (points, components), Pa, at the Gauss points."""
-        if self.yielding is not None:
+        if self.yielding is not None and not self.scene.plain:
             return self.yielding.state
         gauss = self._gauss
         cells = np.repeat(np.arange(self.grid.cells), gauss.digit.shape[1])
-        return self.materials.elastic_stress(cells, gauss.strain(self.nodal("displacement")))
+        strain = gauss.strain(self.nodal("displacement"))
+        if self.yielding is not None:
+            return self._with_far_fields(self.yielding.state, cells, strain)
+        found = self.materials.elastic_stress(cells, strain)
+        return self._with_far_fields(found, cells, strain)
 
     def gauss_history(self) -> np.ndarray:
         """The material's state variables (points, variables) at the Gauss points; of several

@@ -103,7 +103,6 @@ class Simulation(Run):
             raise ValueError(
                 f"correction is of accelerations, and {stepping} has none, got {mapping.correction}"
             )
-        self._of = [f"body {n}, " if len(self.bodies) > 1 else "" for n in range(len(self.bodies))]
         self.initial_acceleration, self._unmoved, self._left = initial_acceleration, [], []
         if stepping.dynamic:
             self._unmoved = [body for body in self.bodies if body.acceleration is None]
@@ -171,6 +170,10 @@ class Simulation(Run):
         others += scene.bind(self.terms)
         self.contributions = [body, *others]
         self._reuse = reuse
+
+    def _of(self, number: int) -> str:
+        """Which body, in a message, where there are several."""
+        return f"body {number}, " if len(self.bodies) > 1 else ""
 
     def _mass_beside(self) -> np.ndarray | float:
         """Lumped mass (nodes,), kg, of finite elements beside the points."""
@@ -373,7 +376,7 @@ class Simulation(Run):
                 row = inside[0] if body.number is None else body.number[inside[0]]
                 owner = next(p.owner for p in self.scene.plain if p.marks[cell[inside[0]]])
                 message = (
-                    f"{self._of[number]}material point {row} at x={body.x[inside[0]]} has come "
+                    f"{self._of(number)}material point {row} at x={body.x[inside[0]]} has come "
                     f"into a cell of the {owner}: give it fewer cells, or let the grid follow"
                 )
         self._stop_together(message)
@@ -408,7 +411,7 @@ class Simulation(Run):
             if len(lost):
                 row = lost[0] if body.number is None else body.number[lost[0]]
                 message = (
-                    f"{self._of[number]}material point {row} at x={body.x[lost[0]]} lies outside "
+                    f"{self._of(number)}material point {row} at x={body.x[lost[0]]} lies outside "
                     "the grid"
                 )
                 if self.migration is None:
@@ -471,7 +474,7 @@ class Simulation(Run):
             try:
                 found.append((gradient, body.stretches(gradient, smooth)))
             except ValueError as error:
-                message = f"{self._of[number]}{error}"
+                message = f"{self._of(number)}{error}"
         self._stop_together(message)  # before anything has changed
         if self.scene.drifting is not None:
             self.scene.drifting.check()

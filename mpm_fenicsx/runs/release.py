@@ -69,6 +69,7 @@ def release(run, where: Callable, per_cell: int | None = None, material=None) ->
             value[...] = now[name]
     for part in run.scene.plain:
         part.trim()
+    run.arrangement += 1
     for recorder in run.recorders:
         if hasattr(recorder, "moved"):
             recorder.moved(run)

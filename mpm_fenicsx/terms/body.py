@@ -29,11 +29,9 @@ def elastic_work(scene: Scene, u, w, lame: tuple | None = None):
     the divergence is the cell's mean on rectilinear grids (B-bar; Hughes 1980), and near it on
     others (selective reduced integration).
     """
-    (λ, μ), dx = scene.lame if lame is None else lame, scene.stiffness_dx
-    if not scene.b_bar:
-        return weak_forms.internal_work(weak_forms.hooke(λ, μ, weak_forms.strain(u)), w) * dx
-    centre = scene.motion.region.dx(metadata={"quadrature_degree": 1})
-    return weak_forms.distortion_work(μ, u, w) * dx + weak_forms.dilation_work(λ, μ, u, w) * centre
+    centre = scene.motion.region.dx(metadata={"quadrature_degree": 1}) if scene.b_bar else None
+    given = scene.lame if lame is None else lame
+    return weak_forms.elastic_work(*given, u, w, scene.stiffness_dx, centre)
 
 
 def elasticity(scene: Scene, before=None) -> Contribution:

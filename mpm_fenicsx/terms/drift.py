@@ -49,6 +49,10 @@ class Drift:
         self._count = max(self.grid.comm.allreduce(len(self._mine)), 1)
         self.offset = self.grid.offset.copy()
         self.moved = np.zeros(self.grid.nodes * self.grid.dim)
+        for part in self.parts:  # one that goes on from another run has moved there
+            if part.U.x.array.any():
+                of_part = self.motion.nodal(part.U)[part.nodes] - self.offset
+                self.moved.reshape(-1, self.grid.dim)[part.nodes] = of_part
         self._near_layer = any(not part.heavy for part in self.parts)
         self.names = " and ".join(dict.fromkeys(part.owner for part in self.parts))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -69,6 +68,7 @@ class FarField:
         found = held("FarField", grid, regions, grid.centres, part.cells)
         part.density, part.λ, part.μ = (part.field(values) for values in numbers(regions, found))
         part.dx, part.heavy = part.measure({"quadrature_degree": 3}), True
+        part.centre = part.measure({"quadrature_degree": 1}) if scene.b_bar else None
         part.fair = self.fair and scene.motion.stepping.dynamic
         part.follows = self.follows
         if self.start is not None:
@@ -107,15 +107,7 @@ class FarField:
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work of stress and, in dynamics, of inertia."""
         part, motion = scene.part(self), scene.motion
-        strain = weak_forms.strain(motion.known(part.U) + motion.u)
-        stress = weak_forms.internal_work(weak_forms.hooke(part.λ, part.μ, strain), motion.w)
-        work = force = stress * part.dx
-        if scene.b_bar:
-            u, centre = motion.known(part.U) + motion.u, part.measure({"quadrature_degree": 1})
-            distortion = weak_forms.distortion_work(part.μ, u, motion.w) * part.dx
-            work = force = (
-                distortion + weak_forms.dilation_work(part.λ, part.μ, u, motion.w) * centre
-            )
+        work = force = part.elastic_work(motion.known(part.U) + motion.u, motion.w)
         if motion.stepping.dynamic:
             work += weak_forms.inertia(part.density, part.acceleration, motion.w) * part.dx
         return Contribution(
@@ -156,9 +148,8 @@ class Watch:
         strain = self._part.largest_strain()
         if strain > STRAINED:
             self._said = True
-            warnings.warn(
+            warn(
+                self._part.grid.comm,
                 f"FarField is strained by {strain:.2g}, beyond what small strain and elasticity "
                 f"serve, {STRAINED}: give the points more room",
-                UserWarning,
-                stacklevel=2,
             )

@@ -23,8 +23,9 @@ from dolfinx import fem
 from ..common.compiled import digits
 from ..common.spread import Spread
 from ..dynamics.motion import Motion
-from ..grid import dolfinx_versions
+from ..grid import dolfinx_versions, weak_forms
 from ..grid.grid import Grid
+from ..materials.material import hooke
 
 
 class PlainCells:
@@ -36,8 +37,9 @@ class PlainCells:
     ``acceleration`` are those in the balance of forces, expressions.
 
     What their term sets: ``heavy``, whether they are a body's, with a ``density``, ``λ`` and ``μ``
-    that ``dx`` integrates; ``fair``, whether what points deposit at shared nodes counts these cells
-    too; ``follows``, whether the grid moves with the material points beside them.
+    that ``dx`` integrates, and ``centre`` changes of volume where these go cell by cell; ``fair``,
+    whether what points deposit at shared nodes counts these cells too; ``follows``, whether the
+    grid moves with the material points beside them.
     """
 
     heavy = fair = follows = False
@@ -45,6 +47,7 @@ class PlainCells:
     λ: object = None
     μ: object = None
     dx: ufl.Measure | None = None
+    centre: ufl.Measure | None = None
 
     def __init__(self, grid: Grid, motion: Motion, marks: np.ndarray, owner: str):
         self.grid, self.motion, self.marks, self.owner = grid, motion, marks, owner
@@ -72,6 +75,16 @@ class PlainCells:
         dofs = dolfinx_versions.cell_dofs(f.function_space)[:, 0]
         f.x.array[dofs] = np.where(self.marks, values, 0.0)
         return f
+
+    def elastic_work(self, u, w):
+        """Virtual work of the elastic stress of u in these cells against w, a form."""
+        return weak_forms.elastic_work(self.λ, self.μ, u, w, self.dx, self.centre)
+
+    def stress(self, cells: np.ndarray, strain: np.ndarray) -> np.ndarray:
+        """Stress rows (n, components), Pa, of a strain (n, components) in some of these cells."""
+        dofs = dolfinx_versions.cell_dofs(self.λ.function_space)[cells, 0]
+        lame = tuple(f.x.array[dofs] for f in (self.λ, self.μ))
+        return hooke(lame, strain, np.zeros_like(strain))
 
     @cached_property
     def inside(self) -> fem.Function:
@@ -107,7 +120,7 @@ class PlainCells:
 
     @cached_property
     def _energies(self) -> dict[str, list]:
-        forms = {"strain": strain_energy(self.λ, self.μ, self.U) * self.dx}
+        forms = {"strain": 0.5 * self.elastic_work(self.U, self.U)}
         if self._moving:
             forms["kinetic"] = 0.5 * self.density * ufl.inner(self.V, self.V) * self.dx
         return {name: dolfinx_versions.compile_form(form) for name, form in forms.items()}
@@ -201,9 +214,3 @@ def mixed_velocity(motion: Motion, plain: list[PlainCells]):
         return motion.velocity
     elsewhere = 1.0 - sum(part.inside for part in plain)
     return elsewhere * motion.velocity + sum(part.inside * part.velocity for part in plain)
-
-
-def strain_energy(λ, μ, U):
-    """Elastic energy per volume (J/m³) of a displacement."""
-    ε = ufl.sym(ufl.grad(U))
-    return 0.5 * λ * ufl.tr(ε) ** 2 + μ * ufl.inner(ε, ε)
