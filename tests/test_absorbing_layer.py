@@ -179,6 +179,33 @@ def test_loads_on_its_cells_are_refused(side):
         mpm.FiniteElements(grid, soil, mpm.Newmark(0.3), [layer, load])
 
 
+def test_motions_and_surface_points_in_it_are_refused():
+    grid = mpm.Grid.box((0.0, 0.0), (20.0, 20.0), (20, 20))
+    layer = mpm.AbsorbingLayer(("left", "bottom"), soil)
+    inside = mpm.SurfacePoints.line((5.0, 3.0), (15.0, 3.0), 0.5)
+    moved = mpm.Fixed(grid.facets("bottom"), "y", value=lambda t: 1e-6 * np.sin(t))
+    for term, message in (
+        (mpm.Traction(inside, (0.0, -1.0)), r"Traction on .* acts on cells of the AbsorbingLayer"),
+        (moved, "Fixed gives a motion to cells of the AbsorbingLayer"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            mpm.FiniteElements(grid, soil, mpm.Newmark(0.3), [layer, term])
+
+
+@pytest.mark.parametrize("start", [0.0, 0.8])
+def test_nothing_grows_with_generalized_alpha(start):
+    run = open_ground.block(2, points=False)
+    grid, terms = run.grid, run.terms
+    damped = mpm.FiniteElements(grid, soil, mpm.GeneralizedAlpha(0.3, start=start), terms)
+    damped.nodal("velocity")[:] = run.nodal("velocity")
+    left = [sum(damped.energy().values())]
+    for _ in range(3):
+        for _ in range(300):
+            damped.step()
+        left.append(sum(damped.energy().values()))
+    assert left[3] < left[2] < left[1] < 1e-4 * left[0]
+
+
 def test_two_layers_of_one_scene_are_one():
     grid = mpm.Grid.box((0.0, 0.0), (20.0, 20.0), (20, 20))
     both = [mpm.AbsorbingLayer(side, soil) for side in ("left", "bottom")]

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 import numpy as np
-from dolfinx import fem
 
 from ..common.checks import one_of, whole
 from ..common.ranks import anywhere
@@ -34,6 +33,7 @@ from .plain_cells import PlainCells
 from .regions import Regions, held, numbers, regions_of
 from .scene import Scene
 from .stretched_cells import StretchedCells
+from .supports import Fixed
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,12 +134,7 @@ class AbsorbingLayer:
             return Contribution(note="empty in a quasi-static run")
         part = scene.part(self)
         cells = StretchedCells(part, *self._stretches(grid, part.depth))
-        for name in self.sides:
-            for d in range(grid.dim):
-                V = grid.space.sub(d)
-                dofs = fem.locate_dofs_topological(V, grid.dim - 1, grid.facets(name).facets)
-                scene.fixed.append(fem.dirichletbc(np.array(0.0), dofs, V))
-                motion.at_rest.append(dofs)
+        Fixed(grid.facets(*self.sides)).bind(scene)
         contribution = Contribution(
             cells.work(motion.w, 1.0, motion.stepping.start),
             after=[cells.carry],
@@ -204,21 +199,21 @@ def _refuse_points(scene: Scene, zone: np.ndarray) -> None:
 
 
 def _refuse_loads(scene: Scene, part: PlainCells) -> None:
-    """Raise ``ValueError``, on all ranks, for terms on surfaces of the layer's own cells."""
-    for patch in scene.patches:
-        if patch.points is not None:
-            continue
-        cells, message = np.zeros(scene.grid.cells, np.int8), None
-        patch.mark_loaded(cells)
-        if (cells[part.marks] > 0).any():
-            message = (
-                f"on: {' and '.join(patch.acting)} on {patch} acts on cells of the AbsorbingLayer, "
-                "which stand for ground further out: name facets of the body alone "
-                "(Grid.box(..., facets=))"
-            )
-        message = anywhere(scene.grid.comm, message)
-        if message:
-            raise ValueError(message)
+    """Raise ``ValueError``, on all ranks, for terms on surfaces of the layer's own cells, and
+    motions given to its nodes."""
+    found = [
+        f"{' and '.join(patch.acting)} on {patch} acts on"
+        for patch in scene.patches
+        if part.marks[patch.cells[patch.cells >= 0]].any()
+    ]
+    dofs = [known.dofs // scene.grid.dim for known in scene.motion.moved]
+    found += ["Fixed gives a motion to" for nodes in dofs if np.isin(nodes, part.own).any()]
+    first = anywhere(scene.grid.comm, found[0] if found else None)
+    if first:
+        raise ValueError(
+            f"on: {first} cells of the AbsorbingLayer, which stand for ground further out: name "
+            "facets of the body alone (Grid.box(..., facets=))"
+        )
 
 
 def _bounds(grid: Grid, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -43,7 +43,7 @@ class FacetPatch:
         self.of_its_own = False
 
     @cached_property
-    def _cells(self) -> np.ndarray:
+    def cells(self) -> np.ndarray:
         """The cells that the facets belong to."""
         topology, dim = self.grid.mesh.topology, self.grid.dim
         topology.create_connectivity(dim - 1, dim)
@@ -166,7 +166,7 @@ class FacetPatch:
 
     def mark_loaded(self, cells: np.ndarray) -> None:
         """Mark the cells of the facets with 1, unless they have more."""
-        cells[self._cells] = np.maximum(cells[self._cells], 1)
+        cells[self.cells] = np.maximum(cells[self.cells], 1)
 
     def carry(self) -> None:
         """Springs remember the step."""
@@ -212,6 +212,11 @@ class PointPatch:
         else:
             self._destinations()
         self._refresh: list[Callable[[float, float], None]] = []
+
+    @property
+    def cells(self) -> np.ndarray:
+        """The cells that the points lie in, as far as they are known."""
+        return self._cell
 
     def _inward(self) -> np.ndarray:
         return self.faces.within(self.points.x, self.points.normal)
