@@ -266,8 +266,10 @@ class Grid:
         last bit wherever it has come to."""
         offset = self.offset.copy()
         self.move_to(np.zeros(self.dim))
-        yield
-        self.move_to(offset)
+        try:
+            yield
+        finally:
+            self.move_to(offset)
 
     def _moving(self, of: Callable) -> list[np.ndarray]:
         """``of`` each array of places that moves with the grid."""

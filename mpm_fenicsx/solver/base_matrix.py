@@ -24,13 +24,12 @@ class Base:
 
     def __init__(self, motion: Motion, contributions: Sequence[Contribution]):
         self.motion = motion
-        work = sum(c.work for c in contributions)
-        self._tangent = dolfinx_versions.compile_form(_derivative(motion, work, motion.u))
+        self._tangent = _derivative(sum(c.work for c in contributions), motion.u)
         self._matrix: PETSc.Mat | None = None
-        self._of = np.zeros(0)
-        self._forces = [Force(motion, f, c.work) for c in contributions for f in c.history]
-        self._all: tuple[csr_matrix, np.ndarray] | None = None
-        self._stiffness = Force(motion, motion.u, work)
+        self._of = self._of_forces = self._of_stiffness = np.full(1, np.nan)  # of no step yet
+        self._forces = [Force(f, _derivative(c.work, f)) for c in contributions for f in c.history]
+        self._stiffness = Force(motion.u, self._tangent)
+        self._all: csr_matrix | None = None  # of all forces, on one rank
 
     @classmethod
     def of(cls, motion: Motion, contributions: Sequence[Contribution]) -> Base | None:
@@ -61,39 +60,50 @@ class Base:
 
     def add_force(self, force: np.ndarray) -> None:
         """Add their forces (dofs,), N, at the motion's u."""
-        now = self.motion.numbers()
-        parts = [*self._forces, *([self._stiffness] if self.motion.u.x.array.any() else [])]
-        for part in parts:
-            if not part.known(now):
-                self._all = None
-                with self.motion.grid.where_made():
-                    part.assemble(now)
-        if self.motion.grid.comm.size > 1:
-            for part in parts:
+        now, alone = self.motion.numbers(), self.motion.grid.comm.size == 1
+        if not np.array_equal(now, self._of_forces):
+            self._of_forces = now
+            self._assemble(self._forces)
+            if alone:
+                rows = [part.rows(len(force)) for part in self._forces]
+                self._all = hstack(rows, format="csr")
+                self._values = np.zeros(self._all.shape[1])
+        if alone:
+            np.concatenate([part.field.x.array for part in self._forces], out=self._values)
+            force += self._all @ self._values
+        else:
+            for part in self._forces:
                 part.add(force)
-            return
-        if self._all is None:
-            self._all = hstack([part.rows() for part in self._forces], format="csr")
-            self._values = np.zeros(self._all.shape[1])
-        np.concatenate([part.field.x.array for part in self._forces], out=self._values)
-        force += self._all @ self._values
-        if len(parts) > len(self._forces):
+        if self.motion.u.x.array.any():
+            if not np.array_equal(now, self._of_stiffness):
+                self._of_stiffness = now
+                self._assemble([self._stiffness])
             self._stiffness.add(force)
+
+    def _assemble(self, parts: Sequence[Force]) -> None:
+        with self.motion.grid.where_made():
+            for part in parts:
+                part.assemble()
 
 
 class Force:
-    """The force of one field, a matrix times its values."""
+    """The force of one field, a matrix times its values; ``parts``: its compiled form."""
 
-    def __init__(self, motion: Motion, field: fem.Function, work: ufl.Form):
-        self._size, form = len(motion.u.x.array), _derivative(motion, work, field)
+    def __init__(self, field: fem.Function, parts: list | None):
         # parts one by one, for each has places of its own in a matrix
-        self.field, self._parts = field, dolfinx_versions.compile_form(form) or []
+        self.field, self._parts = field, parts or []
         self._matrices: list[PETSc.Mat] = []
-        self._of: np.ndarray | None = None
 
-    def known(self, now: np.ndarray) -> bool:
-        """Whether its matrix is that of ``now``: what the form knows of the step."""
-        return self._of is not None and np.array_equal(now, self._of)
+    def assemble(self) -> None:
+        """Its matrix, for the step as it is."""
+        self._matrices = []
+        for part in self._parts:
+            matrix = dolfinx_versions.create_matrix([part])
+            dolfinx_versions.assemble_matrix(matrix, [part], [])
+            matrix.assemble()
+            self._matrices.append(matrix)
+        if self._matrices:
+            self._x, self._y = self._matrices[0].createVecs()
 
     def add(self, force: np.ndarray) -> None:
         """Add it to ``force`` (dofs,)."""
@@ -102,23 +112,15 @@ class Force:
             matrix.mult(self._x, self._y)
             force[: len(self._y.array)] += self._y.array
 
-    def rows(self) -> csr_matrix:
-        """The matrix, on one rank."""
-        empty = csr_matrix((self._size, len(self.field.x.array)))
+    def rows(self, size: int) -> csr_matrix:
+        """The matrix, with ``size`` rows, on one rank; it is not kept here any longer."""
+        empty = csr_matrix((size, len(self.field.x.array)))
         each = [csr_matrix(m.getValuesCSR()[::-1], shape=m.getSize()) for m in self._matrices]
+        self._matrices = []
         return sum(each, empty)
 
-    def assemble(self, now: np.ndarray) -> None:
-        """Its matrix, for ``now``."""
-        self._of = now
-        if not self._matrices:
-            self._matrices = [dolfinx_versions.create_matrix([part]) for part in self._parts]
-            self._x, self._y = self._matrices[0].createVecs() if self._parts else (None, None)
-        for matrix, part in zip(self._matrices, self._parts, strict=True):
-            matrix.zeroEntries()
-            dolfinx_versions.assemble_matrix(matrix, [part], [])
-            matrix.assemble()
 
-
-def _derivative(motion: Motion, work, field: fem.Function) -> ufl.Form:
-    return ufl.derivative(work, field, ufl.TrialFunction(field.function_space))
+def _derivative(work, field: fem.Function) -> list | None:
+    """The compiled derivative of work by a field."""
+    trial = ufl.TrialFunction(field.function_space)
+    return dolfinx_versions.compile_form(ufl.derivative(work, field, trial))
