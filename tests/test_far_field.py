@@ -1,6 +1,7 @@
 """A far field of finite elements is the same ground as the points that it goes on from."""
 
 import dataclasses
+import warnings
 
 import numpy as np
 import open_ground
@@ -93,6 +94,19 @@ def test_nothing_moves_when_statics_become_dynamics(follows):
         run.step()
     assert np.abs(body.velocity).max() < 1e-10
     assert np.abs(body.stress - stress).max() < 1e-9 * np.abs(stress).max()
+
+
+def test_a_far_field_without_its_static_run_is_warned_of():
+    static, material, always = resting()
+    base = mpm.Fixed(static.grid.facets("bottom"))
+    for start, told in ((static, 0), (None, 1)):
+        far = mpm.FarField(lower(4.0), material, start=start)
+        terms = [far, base, *always]
+        run = mpm.Simulation(static.grid, static.bodies[0], mpm.Newmark(2e-3), terms)
+        with warnings.catch_warnings(record=True) as found:
+            warnings.simplefilter("always")
+            run.step()
+        assert sum("the FarField beside them none" in str(w.message) for w in found) == told
 
 
 def test_the_grid_follows_what_settles():

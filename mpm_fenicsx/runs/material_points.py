@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from ..common.errors import RunError
-from ..common.ranks import anywhere, together
+from ..common.ranks import anywhere, together, warn
 from ..common.spread import Part, Spread
 from ..dynamics.motion import Motion
 from ..dynamics.time_stepping import Newmark, QuasiStatic
@@ -298,6 +298,7 @@ class Simulation(Run):
         of the balance."""
         warn_of_interfaces(self.grid, self.bodies, self.cells)
         warn_of_courant(self.grid.comm, self.courant_number, self.stepping)
+        self._warn_of_no_start()
         comm = self.grid.comm
         given = [comm.allreduce(int(body.acceleration.any())) for body in self._unmoved]
         unmoved = [*self._left, *(b for b, n in zip(self._unmoved, given, strict=True) if not n)]
@@ -317,6 +318,20 @@ class Simulation(Run):
         for body, stencil in zip(self.bodies, self.stencils, strict=True):
             if any(body is one for one in unmoved):
                 body.acceleration[:] = stencil.at_points(nodal)
+
+    def _warn_of_no_start(self) -> None:
+        """Warn where points bear their weight, and a far field beside them does not yet."""
+        if not (self.stepping.dynamic and self.scene.body_loaded and self.scene.plain):
+            return
+        comm, far = self.grid.comm, [part for part in self.scene.plain if part.heavy]
+        moved = comm.allreduce(int(any(part.U.x.array.any() for part in far)))
+        if far and not moved and self._stressed():
+            warn(
+                comm,
+                "points bear stress under a body force, and the FarField beside them none, so that "
+                "it falls: give it the static run that they come from, FarField(..., start=run)",
+                4,
+            )
 
     def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
         """Solve for the grid's motion from ``start`` to ``end`` (s); points stay where they are."""
