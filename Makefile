@@ -62,11 +62,11 @@ help: ## list the targets
 setup: $(READY) ## build .venv, or check Debian's packages where there is no Python >= 3.12
 	@echo "Ready, on DOLFINx from: $(DOLFINX)"
 
-demo: $(READY) ## run demos/column.py
-	@$(PY) demos/column.py $(ARGS)
+demo: $(READY) ## run demos/column.py, into build/demos
+	@$(PY) demos/column.py --results build/demos $(ARGS)
 
-foundation: $(READY) ## run demos/foundation.py (minutes; ARGS=--quick: less)
-	@$(PY) demos/foundation.py $(ARGS)
+foundation: $(READY) ## run demos/foundation.py, into build/demos (minutes; ARGS=--quick: less)
+	@$(PY) demos/foundation.py --results build/demos $(ARGS)
 
 test: $(READY) ## run the tests
 	@$(PY) -m pytest -n $(JOBS) --dist loadfile $(ARGS)
@@ -81,7 +81,7 @@ validate: $(READY) ## run the long cases with exact or published answers (20 min
 	@$(PY) -m pytest -m validation tests/validation tests/test_ranks.py tests/test_migration.py \
 		tests/test_statics_on_ranks.py tests/test_footing_3d.py -n $(JOBS) --dist loadfile $(or $(ARGS),--afresh)
 
-speed: $(READY) ## draw error against seconds (20 minutes; ARGS=--quick: two)
+speed: $(READY) ## draw error against seconds, into results (20 minutes; ARGS=--quick: two)
 	@$(PY) studies/speed_against_error.py $(ARGS)
 
 bench: $(READY) ## run the timings in benchmarks/

@@ -126,3 +126,16 @@ def test_a_place_where_nothing_can_be_written_is_no_hindrance(tmp_path, caches):
     )
     assert done.returncode == 0, done.stderr[-3000:]
     assert "it walks " + (str(room) if caches == "temporary" else "None") in done.stdout
+
+
+@pytest.mark.parametrize("target", ["demo", "foundation"])
+def test_what_a_user_runs_first_leaves_the_results_that_pages_show(target):
+    """``make demo`` wrote its own times over results/column.json, and ``make test`` then found that
+    a page showed others."""
+    home = PACKAGE.parent
+    if not (home / "Makefile").exists():
+        pytest.skip("the package is installed, without its Makefile")
+    recipe = (home / "Makefile").read_text().split(f"\n{target}: ")[1].splitlines()[1]
+    folder = recipe.split("--results ")[1].split()[0]
+    ignored = (home / ".gitignore").read_text().splitlines()
+    assert f"{Path(folder).parts[0]}/" in ignored
