@@ -84,6 +84,38 @@ def histories(curves, pressure, plateau, apart, depths, title, path):
     plt.close(fig)
 
 
+def plastic_strain(ax, boxes, body, strip):
+    """Boxes, lower corners (n, 2), sizes (n, 2) and plastic strain (n,), of a ``body``, width and
+    height, and the ``strip`` on it, its ends; the collection."""
+    corner, size, strain = boxes
+    ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    shown = ax.add_collection(
+        PolyCollection(
+            corner[:, None] + size[:, None] * ring,
+            array=np.maximum(strain, 1e-9),
+            cmap=plt.get_cmap("magma_r").with_extremes(under="0.86"),
+            norm=LogNorm(1e-3, 1.0),
+            edgecolors="face",
+            linewidths=0.2,
+            rasterized=True,
+        )
+    )
+    ax.plot(strip, 2 * [body[1] + 0.15], color="#0072B2", lw=3, solid_capstyle="butt")
+    ax.set(aspect="equal", xlim=(-0.1, body[0] + 0.1), ylim=(-0.1, body[1] + 0.35))
+    return shown
+
+
+def name_axes(fig, axes, shown):
+    """Units of maps, and what their colours are."""
+    for ax in axes[-1]:
+        ax.set_xlabel("x (m)")
+    for ax in axes[:, 0]:
+        ax.set_ylabel("y (m)")
+    fig.colorbar(
+        shown, ax=axes, extend="both", label="plastic strain κ (-), grey: below 0.001", shrink=0.8
+    )
+
+
 def maps(found, boundaries, body, strip, title, path):
     """Plastic strain: a column of maps a boundary, a row a method.
 
@@ -100,34 +132,11 @@ def maps(found, boundaries, body, strip, title, path):
         squeeze=False,
         layout="constrained",
     )
-    colours = plt.get_cmap("magma_r").with_extremes(under="0.86")
-    ring = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    for (method, boundary), (corner, size, strain) in found.items():
+    for (method, boundary), boxes in found.items():
         ax = axes[methods.index(method), boundaries.index(boundary)]
-        boxes = PolyCollection(
-            corner[:, None] + size[:, None] * ring,
-            array=np.maximum(strain, 1e-9),
-            cmap=colours,
-            norm=LogNorm(1e-3, 1.0),
-            edgecolors="face",
-            linewidths=0.2,
-            rasterized=True,
-        )
-        shown = ax.add_collection(boxes)
-        ax.plot(strip, 2 * [body[1] + 0.15], color="#0072B2", lw=3, solid_capstyle="butt")
-        ax.set(
-            title=f"{boundary}, {method}",
-            aspect="equal",
-            xlim=(-0.1, body[0] + 0.1),
-            ylim=(-0.1, body[1] + 0.35),
-        )
-    for ax in axes[-1]:
-        ax.set_xlabel("x (m)")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("y (m)")
-    fig.colorbar(
-        shown, ax=axes, extend="both", label="plastic strain κ (-), grey: below 0.001", shrink=0.8
-    )
+        shown = plastic_strain(ax, boxes, body, strip)
+        ax.set_title(f"{boundary}, {method}")
+    name_axes(fig, axes, shown)
     fig.suptitle(
         f"{title}\nmaterial points where they are then, elements undeformed; blue: strip as it was",
         fontsize=11,

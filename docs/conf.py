@@ -87,10 +87,15 @@ def written_figures(block, block_vars, gallery_conf):
 
 
 def arguments(gallery_conf, script_vars):
-    """What demos are called with: results go to a temporary folder, the long one is quick."""
+    """What demos are called with: results go to a temporary folder, the long ones are quick."""
     builtins.__file__ = script_vars["src_file"]  # demos ask for it, and the gallery gives them none
     name = Path(script_vars["src_file"]).name
     options = {name: [] for name in ("column.py", "column_3d.py", "footing_3d.py", "lamb.py")}
+    options |= {name: [] for name in ("cavity.py", "strip_load.py", "slope_failure.py")}
+    options["site_response.py"] = []
+    options |= {name: ["--quick"] for name in ("dam_on_rock.py", "slope_earthquake.py")}
+    options["basin.py"] = ["--quick"]
+    options["column_collapse.py"] = ["--aspects", "0.5", "1", "--no-clay"]
     options["foundation.py"] = ["--quick"]
     return [*options[name], "--results", str(RESULTS)] if name in options else []
 

@@ -11,7 +11,10 @@ from .common.errors import RunError
 from .common.ranks import end_together as _end_together
 from .common.spread import Spread
 from .contact.contact import Contact
+from .dynamics.record import Record
+from .dynamics.spectra import FourierSpectrum, ResponseSpectrum
 from .dynamics.time_stepping import GeneralizedAlpha, Newmark, QuasiStatic
+from .dynamics.waveform import Waveform
 from .grid.grid import Grid
 from .grid.stress_field import StressField
 from .mapping.methods import (
@@ -29,18 +32,41 @@ from .mapping.methods import (
 )
 from .mapping.projection import AT_POINTS, DOUBLE_MAPPED
 from .mapping.velocities import flip, trapezoidal
-from .materials import Hencky, LinearElastic, OnElastic, VonMises
+from .materials import (
+    Curve,
+    DruckerPrager,
+    Hencky,
+    Hyperbolic,
+    Hysteretic,
+    LinearElastic,
+    MatchedTo,
+    ModifiedCamClay,
+    MohrCoulomb,
+    OnElastic,
+    OverNonlocal,
+    ReductionCurve,
+    Tresca,
+    Umat,
+    Undrained,
+    VonMises,
+    hydrostatic,
+)
 from .materials.material import Law, Material, hooke, stiffness
 from .output.checkpoint import Checkpoint
 from .output.plot import plot
 from .output.recorder import Recorder
 from .output.recorders import Energy, Probe, Series
+from .output.travelling_waves import TravellingWaves
 from .output.vtk import Snapshots
+from .points.geostatic_stress import GeostaticStress
+from .points.initial_stress import initial_stress
 from .points.material_points import MaterialPoints
 from .points.surface_points import SurfacePoints
 from .runs.finite_elements import FiniteElements
+from .runs.free_field import FreeField
 from .runs.material_points import Simulation
 from .runs.options import PAPER, InitialAcceleration
+from .runs.removal import REMOVE, OnExit
 from .runs.repartitioning import Repartition
 from .solver.newton import Newton
 from .solver.solver import Solver
@@ -50,9 +76,12 @@ from .terms.body import Gravity
 from .terms.contribution import Contribution
 from .terms.far_field import FarField
 from .terms.ghost_penalty import GhostPenalty
+from .terms.incident_wave import IncidentWave
 from .terms.loads import DeadLoad, Pressure, Traction
+from .terms.rayleigh_damping import RayleighDamping
 from .terms.supports import Fixed
 from .terms.term import Term
+from .terms.tied import Tied
 
 __all__ = [
     "AT_POINTS",
@@ -67,35 +96,53 @@ __all__ = [
     "MAPPINGS",
     "MPM",
     "PAPER",
+    "REMOVE",
     "AbsorbingLayer",
     "AccelerationCorrection",
     "Checkpoint",
     "Contact",
     "Contribution",
+    "Curve",
     "DeadLoad",
+    "DruckerPrager",
     "Energy",
     "FarField",
     "FiniteElements",
     "Fixed",
+    "FourierSpectrum",
+    "FreeField",
     "GeneralizedAlpha",
+    "GeostaticStress",
     "GhostPenalty",
     "Gravity",
     "Grid",
     "Hencky",
+    "Hyperbolic",
+    "Hysteretic",
+    "IncidentWave",
     "InitialAcceleration",
     "Law",
     "LinearElastic",
     "Mapping",
+    "MatchedTo",
     "Material",
     "MaterialPoints",
+    "ModifiedCamClay",
+    "MohrCoulomb",
     "Newmark",
     "Newton",
     "OnElastic",
+    "OnExit",
+    "OverNonlocal",
     "Pressure",
     "Probe",
     "QuasiStatic",
+    "RayleighDamping",
+    "Record",
     "Recorder",
+    "ReductionCurve",
     "Repartition",
+    "ResponseSpectrum",
     "RunError",
     "Series",
     "Simulation",
@@ -105,12 +152,20 @@ __all__ = [
     "StressField",
     "SurfacePoints",
     "Term",
+    "Tied",
     "Traction",
+    "TravellingWaves",
+    "Tresca",
+    "Umat",
+    "Undrained",
     "ViscoelasticBoundary",
     "ViscousBoundary",
     "VonMises",
+    "Waveform",
     "flip",
     "hooke",
+    "hydrostatic",
+    "initial_stress",
     "plot",
     "relative_error",
     "stiffness",

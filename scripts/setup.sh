@@ -19,7 +19,7 @@ stamp=$venv/.stamp
 system_python=${SYSTEM_PYTHON:-/usr/bin/python3}
 
 # Each of these modules is in the Debian package that `package` names.
-apt_modules="dolfinx meshio numba matplotlib pytest xdist scipy rich hypothesis"
+apt_modules="dolfinx meshio numba matplotlib pytest xdist scipy pandas rich hypothesis"
 
 say() { printf '%s\n' "$*" >&2; }
 die() { say "$@"; exit 1; }

@@ -1,11 +1,16 @@
 """Uneven grids off the origin, and hat functions on their grid lines; examples are the same every
 time."""
 
+import os
+
 import meshio
 import numpy as np
 import pytest
 from hats import LINES, Hats
 from hypothesis import settings
+
+# some hundred forms are compiled for scenes of a few cells: quickly, rather than well
+os.environ.setdefault("MPM_FENICSX_CFLAGS", "-O1")
 
 import mpm_fenicsx
 

@@ -121,10 +121,35 @@ def kept_matrix(run) -> tuple[np.ndarray, np.ndarray]:
     """K that is brought up to date cell by cell, and the same assembled anew of the same fields:
     that they are one is what ``reuse`` promises."""
     equilibrium = run.equilibrium
-    A = dolfinx_versions.create_matrix(equilibrium._tangent, "aij")
-    dolfinx_versions.assemble_matrix(A, equilibrium._tangent, equilibrium.bcs)
+    A = dolfinx_versions.create_matrix(equilibrium._tangent.compiled, "aij")
+    dolfinx_versions.assemble_matrix(A, equilibrium._tangent.compiled, equilibrium.bcs)
     A.assemble()
     return equations(run).matrix, dense.dense(A)
+
+
+def inserted_matrix(run) -> tuple[np.ndarray, np.ndarray]:
+    """K of a run as it is, once as our own loop writes it and once as DOLFINx assembles the same
+    form: that they are one is no answer of a run.  Refuses a run without the loop."""
+    equilibrium = run.equilibrium
+    assert equilibrium._tangent._unit is not None
+    found = []
+    for compiled in (None, equilibrium._tangent.compiled):
+        A = equilibrium.matrix.copy()
+        A.zeroEntries()
+        if equilibrium._base is not None:
+            equilibrium._base.put(A, equilibrium.bcs)
+        if compiled is None:
+            equilibrium._tangent.add(A, equilibrium.bcs, equilibrium.fixed)
+        else:
+            dolfinx_versions.assemble_matrix(A, compiled, equilibrium.bcs)
+        A.assemble()
+        found.append(dense.dense(A.convert("aij")))
+    return tuple(found)
+
+
+def inserted_fields(run) -> list:
+    """The fields whose values our own loop reads."""
+    return run.equilibrium._tangent._unit.fields
 
 
 def matrix_of_ranks(run):
@@ -398,7 +423,7 @@ def bill(run) -> Bill:
         len(scene.patches),
         len(scene.fixed),
         [len(contribution.before) for contribution in scene.contributions],
-        len(run.equilibrium._tangent),
+        len(run.equilibrium._tangent.compiled),
         type(scene.density).__name__,
         run.motion.region.dS is not None,
     )
@@ -488,3 +513,15 @@ def let_drift(run):
     """A run that does not look how far material has come from its plain cells, to see what else
     stops it."""
     run.scene.drifting.check = lambda: None
+
+
+def mean_divergence(run, u) -> np.ndarray:
+    """θ (cells,) of nodal u where points are now: a run has it only inside of a step."""
+    prepared(run)
+    return run.means.divergence(u)
+
+
+def internal_force(run) -> np.ndarray:
+    """Of the points' stress (dofs,), N, before anything is solved."""
+    prepared(run)
+    return run._internal_force().copy()

@@ -158,6 +158,8 @@ def check(line: str, folder: Path) -> str:
         return _requirements(named[1:])
     if program == "conda":
         return _conda(named, rest)
+    if program in ("cc", "gfortran"):
+        return _sources(named, folder)
     return "" if program in ("cd", ".", "source") else "nobody checks this command"
 
 
@@ -171,6 +173,12 @@ def _files(words, folder) -> str:
     name = next((word for word in words if "." in word and not word.startswith("-")), None)
     there = name is None or (HOME / name).exists() or (folder / name).exists()
     return "" if there else f"there is no {name}"
+
+
+def _sources(names, folder) -> str:
+    sources = [name for name in names if name.endswith((".c", ".f", ".f90"))]
+    missing = [n for n in sources if not (HOME / n).exists() and not (folder / n).exists()]
+    return f"there is no {', '.join(missing)}" if missing else ""
 
 
 def _targets(words) -> str:

@@ -36,12 +36,13 @@ def unrest(rng, stress: np.ndarray, history: np.ndarray, law=LAW) -> None:
     stress[:, :3] += rng.uniform(-2e4, 2e4, (len(stress), 1))
 
 
-def run_of(kind, grid, stepping, terms, body=None, law=LAW, **keywords):
-    """A run of finite elements (``kind`` None) or of points, evenly placed if none are given."""
+def run_of(kind, grid, stepping, terms, body=None, law=LAW, b_bar=False, **keywords):
+    """A run of finite elements (``kind`` None) or of points, evenly placed if none are given, with
+    strain as it is at each place unless ``b_bar``."""
     if kind is None:
-        return mpm.FiniteElements(grid, law, stepping, terms, **keywords)
+        return mpm.FiniteElements(grid, law, stepping, terms, b_bar=b_bar, **keywords)
     body = mpm.MaterialPoints.fill(grid, law, 2**grid.dim) if body is None else body
-    return mpm.Simulation(grid, body, stepping, terms, kind, **keywords)
+    return mpm.Simulation(grid, body, stepping, terms, replace(kind, b_bar=b_bar), **keywords)
 
 
 def loads(grid, size=1.0):

@@ -245,3 +245,9 @@ def test_the_reading_of_chains_sees_through_names():
     assert not seen("body.stress.shape, body.stress[0].mean(), run.motion, run.nodal('velocity')")
     assert not seen("import study\nstudy.cells.of(3)")
     assert not seen("def bind(self, scene):\n    return scene.motion.u")
+
+
+def test_files_of_tests_have_names_of_their_own():
+    """Pytest imports them by name: of two with one name it takes neither in one go."""
+    names = [path.name for path in (PACKAGE.parent / "tests").rglob("test_*.py")]
+    assert sorted(names) == sorted(set(names))

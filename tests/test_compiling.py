@@ -1,8 +1,12 @@
-"""A process that is killed while it compiles leaves a source that FFCx waits for in vain."""
+"""A process that is killed while it compiles leaves a source that FFCx waits for in vain; loops
+that are kept are those of their files as they are."""
 
 import os
+import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -10,6 +14,7 @@ import numpy as np
 import pytest
 from dolfinx import fem
 
+import mpm_fenicsx
 from mpm_fenicsx import Grid
 from mpm_fenicsx.grid import dolfinx_versions, form_compiler
 
@@ -87,3 +92,35 @@ def test_any_other_error_is_not_tried_again():
     with pytest.raises(RuntimeError, match="rank 0"):
         form_compiler.build(MPI.COMM_WORLD, make)
     assert calls == [1]
+
+
+PIECE = "from mpm_fenicsx.common.compiled import jit\n\n@jit\ndef piece(x):\n    return x + {}\n"
+LOOP = """
+from mpm_fenicsx.common.compiled import jit
+from piece import piece
+
+@jit
+def loop(x):
+    return 2.0 * piece(x)
+
+print(loop(1.0))
+"""
+
+
+def test_a_loop_is_compiled_anew_when_a_piece_of_it_in_another_file_has_changed(tmp_path):
+    """Numba looks at the loop's own file alone."""
+    (tmp_path / "loop.py").write_text(LOOP)
+    places = os.pathsep.join([str(tmp_path), str(Path(mpm_fenicsx.__file__).parents[1])])
+    found = []
+    for number, more in enumerate((1.0, 10.0, 10.0)):
+        (tmp_path / "piece.py").write_text(PIECE.format(more))
+        os.utime(tmp_path / "piece.py", (1e9 + min(number, 1),) * 2)
+        done = subprocess.run(
+            [sys.executable, "-B", str(tmp_path / "loop.py")],
+            env={**os.environ, "PYTHONPATH": places},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+        found.append(float(done.stdout))
+    assert found == [4.0, 22.0, 22.0]

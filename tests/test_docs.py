@@ -91,6 +91,7 @@ def test_no_block_escapes(language, tmp_path, monkeypatch):
         "conda install -c conda-forge fenics-dolfinx numba pytest",
         "conda create -n soil -c conda-forge python=3.12 fenics-dolfinx",
         "OMP_NUM_THREADS=1 mpiexec -n 2 python -m mpi4py demos/column.py",
+        "cc -shared -fPIC -o mine.so demos/extensions/drucker_prager_umat.c -lm",
     ],
 )
 def test_shell_lines_that_are_right(line, tmp_path):
@@ -107,6 +108,7 @@ def test_shell_lines_that_are_right(line, tmp_path):
         ("conda install -c conda-forge fenics", "fenics is not asked for"),
         ("python demos/columns.py", "there is no demos/columns.py"),
         ("mpiexec -n 2 python -m mpi4py mine.py", "there is no mine.py"),
+        ("gfortran -shared -fPIC -o mine.so mine.f", "there is no mine.f"),
         ("rm -rf results", "nobody checks"),
     ],
 )

@@ -1,13 +1,13 @@
 """What a newcomer does by mistake is refused or warned of: overlaps, doubled dashpots, units, laws
 of total strain, reactions of what is not at rest."""
 
-import warnings
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 import ufl
 from dolfinx import fem
+from heard import warned
 
 import mpm_fenicsx as mpm
 
@@ -47,13 +47,6 @@ def test_overlap_of_half_a_cell_is_refused_and_an_interface_inside_a_cell_is_not
                 mpm.Simulation(grid, bodies, mpm.Newmark(1e-3), [sides(grid)])
         else:
             mpm.Simulation(grid, bodies, mpm.Newmark(1e-3), [sides(grid)])
-
-
-def warned(make):
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always")
-        make()
-    return [str(one.message) for one in found if one.category is UserWarning]
 
 
 def test_dashpots_twice_on_one_surface_are_warned_of():

@@ -99,7 +99,7 @@ def test_damping_of_each_material_is_that_of_all(mapping):
         energy = run.record(mpm.Energy())
         for _ in range(20):
             run.step()
-        assert energy.names[-1] == "damped" and energy["damped"][-1] > 0.0
+        assert "damped" in energy.names and energy["damped"][-1] > 0.0
         found.append((run, energy))
     (one, energy), (each, energies) = found
     np.testing.assert_allclose(energies.values, energy.values, rtol=1e-9, atol=1e-12)
@@ -197,7 +197,7 @@ def test_on_henckys_soil_the_law_is_of_finite_strain_and_its_tangent_whole(dim):
     assert A.shape == (n, dim**4)
     way = rng.normal(size=f.shape)
     up, down = (responses(body, f + s * 1e-8 * way)[0] for s in (1, -1))
-    exact, found = (up - down) / 2e-8, product(A, way).reshape(f.shape)
+    exact, found = (up - down) / 2e-8, product(A, way.reshape(len(way), -1)).reshape(f.shape)
     wrong = np.abs(found - exact).max(axis=(1, 2)) / soil.lame[0]
     assert np.median(wrong) < 1e-6 and wrong.max() < 1e-4
     whole = A.reshape(n, dim**2, dim**2)

@@ -35,6 +35,7 @@ def squeezed(kind, law=CLAY, stepping=None, most=3 * BEARS, solver=None):
             stepping,
             [*terms, mpm.Traction(grid.facets("top"), lambda t: (0.0, -most * t))],
             solver=solver,
+            b_bar=False,  # with it the matrix may be singular where Newton fails
         )
     body = mpm.MaterialPoints.fill(grid, law, 4, lambda x: (x < 1.0).all(axis=0))
     return mpm.Simulation(
@@ -139,14 +140,14 @@ def test_a_point_that_turns_inside_out_is_named_and_no_body_has_moved():
 def test_a_support_domain_that_turns_inside_out_is_named_as_such():
     body = mpm.MaterialPoints.fill(mpm.Grid.box((0, 0), (1, 1), (1, 1)), SOIL, 4)
     gradient = np.zeros((4, 2, 2))
-    smooth = gradient.copy()
-    smooth[2, 1, 1] = -1.5
+    stretch = np.ones((4, 2))
+    stretch[2, 1] = -0.5
     with pytest.raises(
         ValueError,
         match=r"point 2 at .* has a support domain that turns inside out: it stretches by "
         r"\[ 1\.  -0\.5\]",
     ):
-        body.stretches(gradient, smooth)
+        body.stretches(gradient, stretch)
 
 
 def test_a_point_that_was_lost_can_be_put_back():

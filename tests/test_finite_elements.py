@@ -298,7 +298,8 @@ def test_gauss_points_say_where_they_are_and_what_they_bear(dim, yields):
     """u_x = κ x y is among the elements' functions: ε_xx = κ y and γ_xy = κ x at each place."""
     grid, κ = dense.uneven(dim), 1e-4
     law = mpm.VonMises(dense.SOIL, 1e9, 1e9, 0.0) if yields else dense.SOIL
-    run = mpm.FiniteElements(grid, law, mpm.QuasiStatic(1), [mpm.Fixed(grid.facets("bottom"))])
+    base = mpm.Fixed(grid.facets("bottom"))
+    run = mpm.FiniteElements(grid, law, mpm.QuasiStatic(1), base, b_bar=False)
     run.nodal("increment")[:] = dense.at_nodes(
         grid, lambda x: κ * x[:, :1] * x[:, 1:2] * np.eye(dim)[0]
     ).reshape(-1, dim)

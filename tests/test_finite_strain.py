@@ -3,7 +3,6 @@ elements."""
 
 import json
 import math
-from dataclasses import replace
 
 import dense
 import inside
@@ -274,10 +273,6 @@ def test_a_block_is_pressed_as_hencky_says(kind, dim):
 def test_what_finite_strain_cannot_do_is_refused():
     grid = dense.uneven(2)
     body = mpm.MaterialPoints.fill(grid, SOIL, 4)
-    with pytest.raises(ValueError, match="b_bar is for small strain only"):
-        mpm.Simulation(grid, body, mpm.QuasiStatic(1), [], replace(mpm.DM_GC, b_bar=True))
-    with pytest.raises(ValueError, match="b_bar is for small strain only"):
-        mpm.FiniteElements(grid, SOIL, mpm.QuasiStatic(1), [], b_bar=True)
     law = mpm.VonMises(SMALL, 1e3, 1e3, 0.0)
     body = mpm.MaterialPoints.fill(grid, SOIL, 4, inside=lambda x: x[0] < 0.5)
     yielding = mpm.MaterialPoints.fill(grid, law, 4, inside=lambda x: x[0] > 0.5)

@@ -61,8 +61,10 @@ def test_strain_of_random_nodal_displacements_is_that_of_ufl(make, dim):
 def test_strain_of_a_linear_displacement_is_its_gradient(make, dim, mean_volume):
     grid = make(dim)
     A = np.random.default_rng(2).normal(size=(dim, dim))
-    strain = GaussPoints(grid, mean_volume).strain(
-        dense.at_nodes(grid, lambda x: x @ A.T + 3.0).reshape(-1, dim)
+    gauss = GaussPoints(grid)
+    strain = gauss.strain(
+        dense.at_nodes(grid, lambda x: x @ A.T + 3.0).reshape(-1, dim),
+        gauss.means() if mean_volume else None,
     )
     exact = tensors.strain(A[None])
     np.testing.assert_allclose(strain, np.tile(exact, (len(strain), 1)), atol=1e-12)
@@ -96,16 +98,15 @@ def test_mean_volume_spreads_the_divergence_over_the_cell_and_leaves_the_deviato
     grid = make(dim)
     u = fem.Function(grid.space)
     u.x.array[:] = np.random.default_rng(3).normal(size=len(u.x.array))
-    plain, mean = (
-        GaussPoints(grid, how).strain(u.x.array.reshape(-1, dim)) for how in (False, True)
-    )
+    gauss = GaussPoints(grid)
+    plain, mean = (gauss.strain(u.x.array.reshape(-1, dim), how) for how in (None, gauss.means()))
     V = dolfinx_versions.space(grid.mesh, "DQ", 0)
     size = dense.vector(V, ufl.TestFunction(V) * measure(grid.dx))
     divergence = dense.vector(V, ufl.div(u) * ufl.TestFunction(V) * measure(grid.dx)) / size
     divergence = divergence[dolfinx_versions.cell_dofs(V)[:, 0]]
     np.testing.assert_allclose(mean[:, :3].sum(axis=1), np.repeat(divergence, 2**dim), atol=1e-12)
     np.testing.assert_allclose(
-        GaussPoints(grid, True).mean_divergence(u.x.array.reshape(-1, dim)), divergence, atol=1e-12
+        gauss.means().divergence(u.x.array.reshape(-1, dim)), divergence, atol=1e-12
     )
     for rows in (plain, mean):
         rows[:, :3] -= rows[:, :3].mean(axis=1, keepdims=True)

@@ -95,7 +95,9 @@ def test_a_body_in_free_flight_stays_as_it_is(dim, mapping):
 
 def test_where_cells_are_full_and_in_finite_elements_there_is_nothing():
     whole, bare = (block(2, 0.0, mpm.DM_GC, mpm.Newmark(DT), terms) for terms in (CURE, []))
-    assert np.array_equal(matrix(whole), matrix(bare))
+    # DOLFINx assembles the one, our own loop the other
+    K = matrix(bare)
+    np.testing.assert_allclose(matrix(whole), K, rtol=0, atol=1e-14 * np.abs(K).max())
     assert not inside.bill(bare).facets_between_cells
     grid, found = dense.uneven(2), []
     for terms in ([], CURE):

@@ -34,7 +34,7 @@ def strained(body, f):
     """The body after the deformation f (n, dim, dim) or (dim, dim)."""
     gradient = np.broadcast_to(f, (len(body), body.dim, body.dim)) - np.eye(body.dim)
     FINITE_STRAIN.respond(body, gradient)
-    body.deform(np.zeros_like(body.x), *body.stretches(gradient, np.zeros_like(gradient)))
+    body.deform(np.zeros_like(body.x), *body.stretches(gradient, np.ones(gradient.shape[:2])))
     return body
 
 
@@ -169,7 +169,7 @@ def test_nominal_stress_and_its_tangent_are_those_of_the_series_by_complex_steps
     body.stress[:3] = 0.0
     P, A = responses(body, f)
     way = np.random.default_rng(2).normal(size=f.shape)
-    change = product(A, way).reshape(f.shape)
+    change = product(A, way.reshape(len(way), -1)).reshape(f.shape)
     for p in range(len(body)):
         κ = 0.0 if body.history is None else body.history[p, 0]
         exact = reference(
@@ -189,12 +189,14 @@ def test_at_no_strain_the_tangent_is_hookes_plus_the_stress(dim):
     P, A = responses(body, deformation(np.zeros_like(g)))
     small = LinearElastic(SOIL.young, SOIL.poisson, SOIL.density)
     hooke = tensors.matrix(small.update(tensors.strain(g), np.zeros_like(body.stress)), dim)
-    found = product(A, g).reshape(g.shape)
+    found = product(A, g.reshape(len(g), -1)).reshape(g.shape)
     np.testing.assert_allclose(found, hooke, atol=1e-5 * np.abs(hooke).max())
     σ, spin = tensors.matrix(body.stress, dim), g - g.transpose(0, 2, 1)
     np.testing.assert_allclose(P, σ, atol=1e-14 * SOIL.young)
     np.testing.assert_allclose(
-        product(A, spin).reshape(g.shape), spin @ σ, atol=1e-6 * np.abs(spin @ σ).max()
+        product(A, spin.reshape(len(spin), -1)).reshape(g.shape),
+        spin @ σ,
+        atol=1e-6 * np.abs(spin @ σ).max(),
     )
 
 

@@ -1,10 +1,9 @@
 """Bodies of different material on one grid: stress at their interface, and what is doubtful
 there."""
 
-import warnings
-
 import numpy as np
 import pytest
+from heard import warned
 
 import mpm_fenicsx as mpm
 
@@ -204,10 +203,7 @@ def said(laws, edge):
         mpm.Gravity((0.0, -1.0)),
     ]
     run = mpm.Simulation(grid, bodies, mpm.QuasiStatic(1), terms)
-    with warnings.catch_warnings(record=True) as found:
-        warnings.simplefilter("always")
-        run.step()
-    return [str(one.message) for one in found if issubclass(one.category, UserWarning)]
+    return warned(run.step)
 
 
 def test_an_interface_inside_a_cell_is_warned_of():

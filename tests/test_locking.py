@@ -1,7 +1,6 @@
 """B-bar: volume changes by the mean of a cell, in the forms, at Gauss points and at material
 points."""
 
-import warnings
 from dataclasses import replace
 
 import dense
@@ -107,14 +106,14 @@ def test_one_point_rules_leave_other_rules_alone(order):
 @pytest.mark.parametrize("dim", [2, 3])
 def test_gauss_points_and_material_points_see_the_mean_of_their_cells(dim):
     grid = dense.uneven(dim)
-    gauss = GaussPoints(grid, mean_volume=True)
+    gauss = GaussPoints(grid)
     lat, u = grid.lattice, random_motion(grid)
-    mean = gauss.mean_divergence(u)
-    plain = GaussPoints(grid).strain(u)
+    mean = gauss.means().divergence(u)
+    plain = gauss.strain(u)
     by_hand = plain[:, :3].sum(axis=1).reshape(grid.cells, -1).mean(axis=1)
     np.testing.assert_allclose(mean, by_hand, atol=1e-13 * np.abs(by_hand).max())
     np.testing.assert_allclose(
-        gauss.strain(u),
+        gauss.strain(u, gauss.means()),
         tensors.dilate(plain, np.repeat(by_hand, 2**dim)),
         atol=1e-13 * np.abs(plain).max(),
     )
@@ -141,7 +140,9 @@ def test_points_and_gauss_points_agree_on_a_uniform_strain(dim, mapping):
     run.locate()
     g = np.random.default_rng(5).normal(size=(dim, dim)) * 1e-7
     run.nodal("increment").ravel()[:] = dense.at_nodes(grid, lambda x: x @ g.T)
-    at_gauss = GaussPoints(grid, mean_volume=True).strain(run.nodal("increment"))
+    gauss = GaussPoints(grid)
+    at_gauss = gauss.strain(run.nodal("increment"), gauss.means())
+    run.project()
     run.carry()
     expected = dense.SOIL.update(at_gauss[:1], np.zeros_like(at_gauss[:1]))
     np.testing.assert_allclose(
@@ -233,8 +234,8 @@ def block_under_strip(method, ν, b_bar, n=16, m=12):
     if method == "FE":
         run = mpm.FiniteElements(grid, soil, mpm.QuasiStatic(1), terms, b_bar=b_bar)
         run.step()
-        gauss, centre = GaussPoints(grid, b_bar), 0.5 * (grid.lattice.lower + grid.lattice.upper)
-        strain = gauss.strain(run.nodal("displacement"))
+        gauss, centre = GaussPoints(grid), 0.5 * (grid.lattice.lower + grid.lattice.upper)
+        strain = gauss.strain(run.nodal("displacement"), gauss.means() if b_bar else None)
         stress = soil.update(strain, np.zeros_like(strain))
         x = (centre[:, None] + (gauss.digit - 0.5) * h / 2).reshape(-1, 2)
     else:
@@ -318,7 +319,7 @@ def test_mappings_that_integrate_at_points_refuse_it_by_name(mapping):
 def test_without_it_nothing_of_it_is_there():
     grid = dense.uneven(2)
     run = mpm.Simulation(grid, mpm.MaterialPoints.fill(grid, dense.SOIL, 4), mpm.QuasiStatic(1), [])
-    assert run.gauss is None
+    assert "B-bar" not in str(run)
     assert inside.bill(run).tangents == 1
 
 
@@ -327,72 +328,3 @@ def test_a_displacement_that_is_no_number_is_refused(value):
     grid = dense.uneven(2)
     with pytest.raises(ValueError, match="value of Fixed"):
         mpm.FiniteElements(grid, dense.SOIL, mpm.QuasiStatic(1), oedometer(grid, value))
-
-
-# -- where it is in doubt --------------------------------------------------------------------------
-
-
-def heard(body, stepping, material=None):
-    """What is said when a run with B-bar is built, of points or, for a material, of finite
-    elements."""
-    grid = mpm.Grid.box((0.0, 0.0), (2.0, 2.0), (8, 8))
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        if material is not None:
-            mpm.FiniteElements(
-                grid, material, stepping, [mpm.Fixed(grid.facets("bottom"))], b_bar=True
-            )
-        else:
-            mpm.Simulation(grid, body(grid), stepping, [], replace(mpm.DM_GC, b_bar=True))
-    said = [w for w in said if "b_bar" in str(w.message)]  # compilers say things, too
-    assert all(w.filename == __file__ and w.category is UserWarning for w in said)
-    return [str(w.message) for w in said]
-
-
-def block(shift=0.0, law=dense.SOIL, jitter=0.3):
-    def make(grid):
-        body = mpm.MaterialPoints.fill(
-            grid, law, 4, lambda x: ((x > 0.5) & (x < 1.5)).all(axis=0), jitter=jitter
-        )
-        body.x += shift
-        body.seat = body.seat if body.seat is None else body.seat + shift
-        return body
-
-    return make
-
-
-class Other:
-    """A law whose flow may change volume, by all else like one whose flow does not."""
-
-    keeps_volume = False
-
-    def __init__(self, law):
-        self.law = law
-
-    def __getattr__(self, name):
-        if name in ("law", "softening"):
-            raise AttributeError(name)
-        return getattr(self.law, name)
-
-
-FLOWS, SOFTENS = mpm.VonMises(dense.SOIL, 1e4, 1e4, 0.0), mpm.VonMises(dense.SOIL, 1e4, 1e3, 1e5)
-
-
-def test_partly_filled_cells_in_dynamics_are_told():
-    """A block off the grid's lines by .15 h, which fills 3 × 3 of 5 × 5 cells, gains energy at
-    rest."""
-    (words,) = heard(block(0.15 * 0.25), mpm.Newmark(1e-3))
-    assert words.startswith("b_bar in dynamics with 16 partly filled cells: motion grows")
-    assert heard(block(0.15 * 0.25), mpm.QuasiStatic(2)) == heard(block(), mpm.Newmark(1e-3)) == []
-
-
-def test_softening_and_flow_that_changes_volume_are_told():
-    (words,) = heard(block(law=SOFTENS, jitter=0.0), mpm.QuasiStatic(2))
-    assert words.startswith(
-        "b_bar with softening = 100000: where a side of the body lies on a grid line"
-    )
-    assert heard(block(law=FLOWS, jitter=0.0), mpm.QuasiStatic(2)) == []
-    for body, material in ((block(law=Other(FLOWS), jitter=0.0), None), (None, Other(FLOWS))):
-        (words,) = heard(body, mpm.QuasiStatic(2), material)
-        assert words.startswith("b_bar with Other: where flow changes volume")
-    assert heard(None, mpm.QuasiStatic(2), SOFTENS) == heard(None, mpm.QuasiStatic(2), FLOWS) == []

@@ -37,6 +37,11 @@ def says(now):
     return pytest.warns(DeprecationWarning, match=re.escape(f" is now {now}"))
 
 
+def told(heard) -> int:
+    """How many of the warnings say what is now another way: compilers have theirs."""
+    return sum(" is now " in str(warning.message) for warning in heard)
+
+
 def same(*runs):
     """Three steps of both are alike to the last bit."""
     for run in runs:
@@ -79,7 +84,7 @@ def same(*runs):
 def test_what_is_of_the_mapping_now(old, now, mapping):
     with says(f"mapping={now}") as heard:
         before = points(**old)
-    assert len(heard) == 1
+    assert told(heard) == 1
     assert before.mapping == mapping != mpm.DM_GC and before.solver == mpm.Solver()
     same(before, points(mapping=mapping))
 
@@ -97,7 +102,7 @@ def test_what_is_of_the_mapping_now(old, now, mapping):
 def test_what_is_of_the_solver_now(kind, old, now, solver):
     with says(f"solver={now}") as heard:
         before = kind(plastic.LAW, **old)
-    assert len(heard) == 1
+    assert told(heard) == 1
     assert before.solver == solver
     same(before, kind(plastic.LAW, solver=solver))
     assert before.solves > 3  # it yields
@@ -115,7 +120,7 @@ def test_old_arguments_go_with_each_other_and_with_objects():
     mapping, solver = replace(mpm.GIMP, sweeps=3), mpm.Solver(petsc=FACTOR)
     with pytest.warns(DeprecationWarning) as heard:
         run = points(plastic.LAW, mapping, solver, transfer=mpm.flip, correction=OFF, newton=NEWTON)
-    assert len(heard) == 3
+    assert told(heard) == 3
     assert run.mapping == replace(mpm.GIMP, sweeps=3, transfer=mpm.flip, correction=OFF)
     assert run.solver == mpm.Solver(newton=NEWTON, petsc=FACTOR)
 
@@ -167,7 +172,7 @@ def test_a_name_that_there_never_was_is_none():
 
 
 def test_the_papers_step_is_a_mapping_and_a_start():
-    paper = replace(mpm.DM_GC, mass=DOUBLE_MAPPED)
+    paper = replace(mpm.DM_GC, mass=DOUBLE_MAPPED, b_bar=False)
     mapping = replace(paper, sweeps=0, correction=OFF, hold_cut_cells=False)
     start = {"initial_acceleration": mpm.InitialAcceleration.ZERO}
     assert mpm.PAPER == {"mapping": mapping, **start}

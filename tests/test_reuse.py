@@ -1,8 +1,6 @@
 """Cells whose density and moduli have hardly changed are not assembled anew: bound, matrix, cost,
 refusals."""
 
-from dataclasses import replace
-
 import inside
 import numpy as np
 import pytest
@@ -42,7 +40,6 @@ def slide(dim, mapping, reuse, speed=3.0, size=6, extra=()):
     "dim, mapping, steps",
     [
         (2, mpm.DM_GC, 60),
-        (2, replace(mpm.DM_GC, b_bar=True), 20),
         (2, mpm.GIMP, 40),
         (3, mpm.DM_GC, 15),
     ],

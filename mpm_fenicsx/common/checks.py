@@ -147,3 +147,10 @@ def increasing(name: str, value: Sequence[float]) -> np.ndarray:
     ):
         raise ValueError(f"{name} must increase, got {value}")
     return line
+
+
+def check_flags(**flags) -> None:
+    """Raise ``ValueError`` naming what is neither True nor False."""
+    for name, value in flags.items():
+        if value not in (True, False):
+            raise ValueError(f"{name} must be True or False, got {value!r}")

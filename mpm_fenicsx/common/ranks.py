@@ -13,6 +13,8 @@ from mpi4py import MPI
 
 import numpy as np
 
+from .errors import SolverError
+
 T = TypeVar("T")
 
 PASSED_ON = 0.5
@@ -43,6 +45,12 @@ def anywhere(comm: MPI.Comm, message: T | None) -> T | None:
     return next((m for m in comm.allgather(message) if m is not None), None)
 
 
+def of_all(comm: MPI.Comm, value: T, op: MPI.Op = MPI.SUM) -> T:
+    """The sum of the ranks' values, or what else ``op`` says; at once where there is one rank, as
+    many a step asks for costs more than some of its loops.  Collective."""
+    return value if comm.size == 1 else comm.allreduce(value, op=op)
+
+
 def warn(comm: MPI.Comm, message: str, stacklevel: int = 2) -> None:
     """A ``UserWarning`` of what all ranks have found, shown by the first alone; where warnings are
     errors, all raise it."""
@@ -52,8 +60,8 @@ def warn(comm: MPI.Comm, message: str, stacklevel: int = 2) -> None:
 
 @contextmanager
 def together(comm: MPI.Comm, kind: type[Exception] = ValueError) -> Iterator[None]:
-    """Make an error of one rank, of this kind, a ``ValueError`` of every rank; on one rank it stays
-    what it is.  Nothing inside may be collective."""
+    """Make an error of one rank, of this kind, a ``ValueError`` of every rank, or a ``SolverError``
+    if it is one; on one rank it stays what it is.  Nothing inside may be collective."""
     message = cause = None
     try:
         yield
@@ -61,10 +69,11 @@ def together(comm: MPI.Comm, kind: type[Exception] = ValueError) -> Iterator[Non
         if comm.size == 1:
             raise
         cause, name = error, type(error).__name__
-        message = str(error) if isinstance(error, ValueError) else f"{name}: {error}"
+        plain = isinstance(error, ValueError | SolverError)
+        message = type(error) is SolverError, str(error) if plain else f"{name}: {error}"
     message = anywhere(comm, message)
     if message is not None:
-        raise ValueError(message) from cause
+        raise (SolverError if message[0] else ValueError)(message[1]) from cause
 
 
 def keepers(comm: MPI.Comm, things: np.ndarray, own: np.ndarray, known: np.ndarray) -> np.ndarray:
@@ -97,3 +106,10 @@ def keepers(comm: MPI.Comm, things: np.ndarray, own: np.ndarray, known: np.ndarr
     answer = answer[start : start + len(mine)]
     keeper[mine] = answer % comm.size
     return keeper
+
+
+def bounds(comm: MPI.Comm, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest coordinates (dim,), m, of places (n, dim) on all ranks.  Collective."""
+    low = [comm.allreduce(a, op=MPI.MIN) for a in x.min(axis=0, initial=np.inf)]
+    high = [comm.allreduce(a, op=MPI.MAX) for a in x.max(axis=0, initial=-np.inf)]
+    return np.array(low), np.array(high)

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .compiled import compiles, jit
+
 SHEAR = {2: ((0, 1),), 3: ((0, 1), (1, 2), (0, 2))}
 
 
@@ -19,12 +21,27 @@ def components(dim: int) -> int:
 def strain(gradient: np.ndarray) -> np.ndarray:
     """Small strain of displacement gradients (n, dim, dim), as rows (n, components)."""
     n, dim, _ = gradient.shape
-    row = np.zeros((n, components(dim)))
+    if compiles(gradient):
+        row = np.empty((n, components(dim)))
+        _strain(gradient, row)
+        return row
+    row = np.zeros((n, components(dim)), gradient.dtype)
     for i in range(dim):
         row[:, i] = gradient[:, i, i]
     for k, (i, j) in enumerate(SHEAR[dim]):
         row[:, 3 + k] = gradient[:, i, j] + gradient[:, j, i]
     return row
+
+
+@jit
+def _strain(gradient, row):
+    """ε_ii = ∂_i u_i and γ_ij = ∂_j u_i + ∂_i u_j."""
+    for p in range(len(row)):
+        g, ε = gradient[p], row[p]
+        ε[0], ε[1], ε[2] = g[0, 0], g[1, 1], 0.0
+        ε[3] = g[0, 1] + g[1, 0]
+        if len(g) == 3:
+            ε[2], ε[4], ε[5] = g[2, 2], g[1, 2] + g[2, 1], g[0, 2] + g[2, 0]
 
 
 def dilate(strain: np.ndarray, volumetric: np.ndarray) -> np.ndarray:
@@ -56,11 +73,25 @@ def symmetric_row(tensor: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def stretch(gradient: np.ndarray) -> np.ndarray:
     """det(I + gradient) (n,) of displacement gradients (n, dim, dim)."""
-    if gradient.shape[1] == 2:
-        xx, xy, yx, yy = gradient.reshape(-1, 4).T
-        return (1.0 + xx) * (1.0 + yy) - xy * yx
-    F = np.moveaxis(gradient, 0, -1) + np.eye(3)[:, :, None]
-    return np.einsum("in,in->n", F[0], np.cross(F[1], F[2], axis=0))
+    if not compiles(gradient):
+        F = gradient + np.eye(gradient.shape[1])
+        return np.linalg.det(F)
+    out = np.empty(len(gradient))
+    _stretch(gradient, out)
+    return out
+
+
+@jit
+def _stretch(gradient, out):
+    """J = det(I + ∇u)."""
+    for p in range(len(out)):
+        g = gradient[p]
+        xx, yy = 1.0 + g[0, 0], 1.0 + g[1, 1]
+        out[p] = xx * yy - g[0, 1] * g[1, 0]
+        if len(g) == 3:
+            out[p] *= 1.0 + g[2, 2]
+            out[p] += g[0, 1] * g[1, 2] * g[2, 0] + g[0, 2] * g[1, 0] * g[2, 1]
+            out[p] -= xx * g[1, 2] * g[2, 1] + g[0, 2] * yy * g[2, 0]
 
 
 def cofactor(gradient: np.ndarray) -> np.ndarray:
@@ -74,6 +105,13 @@ def cofactor(gradient: np.ndarray) -> np.ndarray:
 def mean(stress: np.ndarray) -> np.ndarray:
     """Mean stress (n,), tension positive, of stress rows (n, components)."""
     return stress[:, :3].mean(axis=1)
+
+
+def deviator(stress: np.ndarray) -> np.ndarray:
+    """Deviators, rows (n, components), of stress rows."""
+    row = stress.copy()
+    row[:, :3] -= mean(stress)[:, None]
+    return row
 
 
 def von_mises(stress: np.ndarray) -> np.ndarray:

@@ -59,12 +59,16 @@ class Contact(Run):
         first = runs[0]
         if any(a is b for a, b in combinations(runs, 2)):
             raise ValueError("bodies: a run is named twice; give it one surface of several sides")
-        for run in runs[1:]:
+        for run in runs:
             if run.grid is not first.grid:
                 raise ValueError("bodies: all runs need one grid")
             if run.stepping != first.stepping:
                 raise ValueError(
                     f"bodies: all runs need one stepping, got {first.stepping} and {run.stepping}"
+                )
+            if run.removal is not None:
+                raise ValueError(
+                    "bodies: on_exit=REMOVE is not for runs of a Contact: leave it out"
                 )
         if first.grid.comm.size > 1:
             raise ValueError(

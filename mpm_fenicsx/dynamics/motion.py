@@ -93,10 +93,18 @@ class Motion:
             force if start == 0.0 else fem.Constant(self.grid.mesh, np.array(1.0 + start)) * force
         )
 
-    def balanced(self, v: fem.Function, a: fem.Function) -> tuple:
+    def balanced(self, v: fem.Function, a: fem.Function, u=None) -> tuple:
         """Velocity and acceleration in the balance of forces, of nodes that have ``v`` and ``a``
-        before the step."""
-        return tuple(sum(c[i] * f for i, f in enumerate((self.u, v, a))) for c in self._factors)
+        before the step and move by ``u`` in it, an expression, if not by that of the motion."""
+        u = self.u if u is None else u
+        return tuple(sum(c[i] * f for i, f in enumerate((u, v, a))) for c in self._factors)
+
+    def balanced_acceleration(self) -> np.ndarray:
+        """That expression's values (nodes, dim), m/s², at u as it is."""
+        fields = [self.nodal(f) for f in (self.u, self.v, self.a)]
+        out = np.empty_like(fields[0])
+        _combine(self._factors[1].value, *fields, out)
+        return out
 
     def numbers(self) -> np.ndarray:
         """What forms know of the step: the factors in the balance, and its length."""
@@ -138,18 +146,23 @@ class Motion:
         """Nodal velocity and acceleration (nodes, dim) at the end of the step."""
         u, v, a = self.nodal(self.u), self.nodal(self.v), self.nodal(self.a)
         found = np.empty_like(u), np.empty_like(u)
-        self._advance(np.arange(len(u)), v, a, *found)
+        self._advance(np.arange(len(u)), u, v, a, *found)
+        self._know(*found, [known.after for known in self.moved])
         return found
 
-    def advance(self, nodes: np.ndarray, v: fem.Function, a: fem.Function) -> None:
-        """Take v and a at ``nodes`` (n,) from the start of the step to its end."""
+    def advance(
+        self, nodes: np.ndarray, u: np.ndarray, v: fem.Function, a: fem.Function, known: bool
+    ) -> None:
+        """Take v and a at ``nodes`` (n,), which move by ``u`` (nodes, dim), m, from the start of
+        the step to its end; there they are what is known of them, if ``known``."""
         v, a = self.nodal(v), self.nodal(a)
-        self._advance(nodes, v, a, v, a)
+        self._advance(nodes, u, v, a, v, a)
+        if known:
+            self._know(v, a, [of.after for of in self.moved])
 
-    def _advance(self, nodes: np.ndarray, v, a, first: np.ndarray, second: np.ndarray) -> None:
+    def _advance(self, nodes: np.ndarray, u, v, a, first: np.ndarray, second: np.ndarray) -> None:
         step = self.stepping
-        _affine(nodes, step.velocity, step.acceleration, self.nodal(self.u), v, a, first, second)
-        self._know(first, second, [known.after for known in self.moved])
+        _affine(nodes, step.velocity, step.acceleration, u, v, a, first, second)
 
     def state(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
@@ -165,6 +178,14 @@ class Motion:
     def share(self) -> None:
         """Give the increment to the ghosts."""
         dolfinx_versions.share(self.u)
+
+
+@jit
+def _combine(factors, u, v, a, out):
+    """c₀ u + c₁ v + c₂ a, each (nodes, dim)."""
+    for i in range(len(out)):
+        for d in range(out.shape[1]):
+            out[i, d] = factors[0] * u[i, d] + factors[1] * v[i, d] + factors[2] * a[i, d]
 
 
 @jit

@@ -12,6 +12,7 @@ import numpy as np
 import ufl
 
 from . import dolfinx_versions
+from .cells import Lattice
 from .grid import Grid
 
 
@@ -30,6 +31,7 @@ class Region:
         self.dx, self._domains = dolfinx_versions.cell_measure(grid.mesh, self.cells)
         self._held: np.ndarray | None = None
         self.dS: ufl.Measure | None = None
+        self.lattice: Lattice | None = None  # one that goes on over tied sides
 
     def leave_out(self, cells: np.ndarray | None) -> None:
         """All cells but those that are marked (cells,), bool."""
@@ -47,7 +49,8 @@ class Region:
         if self._held is not None and np.array_equal(held, self._held):
             return
         self._held = held
-        near = self.grid.lattice.spread(held)
+        lattice = self.grid.lattice if self.lattice is None else self.lattice
+        near = lattice.spread(held)
         self.cells = np.flatnonzero(near[: self.grid.owned_cells]).astype(np.int32)
         self._domains[0] = (dolfinx_versions.MATERIAL, self.cells)
 

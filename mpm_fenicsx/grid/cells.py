@@ -74,7 +74,7 @@ class Lattice:
 
     ``lower``, ``upper`` (cells, dim), m; ``nodes`` (cells, 2^dim) in tensor order, x fastest;
     ``neighbour`` (cells, dim, 2) and ``patch`` (cells, 4^dim), -1 where there is none; ``volume``
-    (cells,).
+    (cells,); ``size`` (cells, dim), m, as the cells were made.
     """
 
     lower: np.ndarray
@@ -83,16 +83,12 @@ class Lattice:
     neighbour: np.ndarray
     patch: np.ndarray
     volume: np.ndarray
+    size: np.ndarray
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Lower and upper corners, and neighbours: what kernels want to know of cells."""
         return self.lower, self.upper, self.neighbour
-
-    @cached_property
-    def size(self) -> np.ndarray:
-        """Extent (cells, dim), m, as the cells were made."""
-        return self.upper - self.lower
 
     @cached_property
     def around(self) -> np.ndarray:
@@ -115,12 +111,10 @@ class Lattice:
         return out
 
 
-def beside(
-    lower: np.ndarray, upper: np.ndarray, nodes: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Neighbours across facets and the nodes of the 4^dim patch of each cell, through shared
-    nodes."""
-    cells, dim = lower.shape
+def neighbours(nodes: np.ndarray, dim: int) -> np.ndarray:
+    """Neighbours (cells, dim, 2) of cells across facets, through shared ``nodes`` (cells, 2^dim);
+    -1 for none."""
+    cells = len(nodes)
     neighbour = np.full((cells, dim, 2), -1, dtype=np.int32)
     digit = digits(2, dim)
     count = nodes.max(initial=0) + 1
@@ -136,9 +130,18 @@ def beside(
             known = above >= 0
             neighbour[known, d, 1] = above[known]
             neighbour[above[known], d, 0] = np.flatnonzero(known)
+    return neighbour
+
+
+def patches(neighbour: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """The nodes of the patch (cells, 4^dim) of each cell and the cells beside it; -1 for none."""
+    cells, dim = neighbour.shape[:2]
+    digit = digits(2, dim)
     patch = np.full((cells, 4**dim), -1, dtype=np.int32)
     base = 4 ** np.arange(dim)
-    for step in digits(3, dim) - 1:  # -1, 0, 1 along each direction
+    steps = digits(3, dim) - 1  # -1, 0, 1 along each direction
+    # over tied sides nodes have copies: of those that a cell has itself it takes its own
+    for step in steps[np.argsort(-np.abs(steps).sum(axis=1), kind="stable")]:
         cell = np.arange(cells)
         for d in range(dim):
             if step[d]:
@@ -147,4 +150,4 @@ def beside(
         for corner in range(2**dim):
             place = 1 + step + digit[corner]
             patch[there, place @ base] = nodes[cell[there], corner]
-    return neighbour, patch
+    return patch

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -23,19 +24,12 @@ _recent = hasattr(fem, "functionspace")
 _SHAPES = {2: "quadrilateral", 3: "hexahedron"}
 # sums may be taken in another order, which vector units need; NaN stays NaN; -O3 compiles twice as
 # long for nothing
-_JIT = {
-    "cffi_extra_compile_args": [
-        "-O2",
-        "-ftree-vectorize",
-        "-fvect-cost-model=dynamic",
-        "-march=native",
-        "-fno-math-errno",
-        "-fno-trapping-math",
-        "-fno-signed-zeros",
-        "-fassociative-math",
-        "-freciprocal-math",
-    ]
-}
+_FLAGS = (
+    "-O2 -ftree-vectorize -fvect-cost-model=dynamic -march=native -fno-math-errno "
+    "-fno-trapping-math -fno-signed-zeros -fassociative-math -freciprocal-math"
+)
+_JIT = {"cffi_extra_compile_args": os.environ.get("MPM_FENICSX_CFLAGS", _FLAGS).split()}
+_OPTIONS = {"jit_options" if _recent else "jit_params": _JIT}
 FORMS_FOLLOW = _recent
 """Whether forms take up other cells of a ``cell_measure``."""
 MATERIAL = 1
@@ -177,16 +171,19 @@ def compile_form(form):
     """
     if form is None or (isinstance(form, (int, float)) and form == 0) or form.empty():
         return None
-    options = {"jit_options" if _recent else "jit_params": _JIT}
     with _quiet():
-        kernels: dict[str, list] = {}
-        for part in form.integrals():
-            kernels.setdefault(_kernel(part), []).append(part)
-        parts = [ufl.Form(kernels[name]) for name in sorted(kernels)]
-        parts = parts if len(parts) > 1 else [form]
         comm = form.ufl_domain().ufl_cargo().comm
         make = _Form if _recent else lambda part, options: fem.form(part, **options)
-        return [form_compiler.build(comm, partial(make, part, options)) for part in parts]
+        return [form_compiler.build(comm, partial(make, part, _OPTIONS)) for part in kernels(form)]
+
+
+def kernels(form) -> list:
+    """The parts of a form that are compiled each by itself."""
+    found: dict[str, list] = {}
+    for part in form.integrals():
+        found.setdefault(_kernel(part), []).append(part)
+    parts = [ufl.Form(found[name]) for name in sorted(found)]
+    return parts if len(parts) > 1 else [form]
 
 
 def _kernel(integral) -> str:
@@ -248,6 +245,87 @@ class _Form:
             )
             self.where = listed
         return self.made
+
+
+class CellKernel:
+    """The compiled kernel of a form over cells.
+
+    ``coefficients``: its fields, in the order of the kernel; ``width``: how many values they have
+    in a cell.
+    """
+
+    def __init__(self, form, compiled, module, kernel, positions):
+        self._kernel = kernel
+        self._ffi, self._constants = module.ffi, form.constants()
+        self._none = [self._ffi.NULL] * (len(self._ffi.typeof(self._kernel).args) - 4)
+        fields = form.coefficients()
+        self.coefficients = [fields[positions[i]] for i in range(compiled.num_coefficients)]
+        self.width = sum(map(values_in_cell, (f.function_space for f in self.coefficients)))
+        spaces = [argument.ufl_function_space() for argument in form.arguments()]
+        self._entries = int(np.prod([values_in_cell(V) for V in spaces], dtype=np.int64))
+
+    def constants(self) -> np.ndarray:
+        """The values of its constants (n,), as they are now."""
+        return np.concatenate([np.zeros(0), *(np.ravel(c.value) for c in self._constants)])
+
+    def __call__(self, corners: np.ndarray, w: np.ndarray, constants: np.ndarray) -> np.ndarray:
+        """The tensors (n, entries), row by row, of a cell with ``corners`` (vertices, 3), m, in the
+        order of the mesh, where fields have values ``w`` (n, width)."""
+        w = np.ascontiguousarray(w, dtype=float)
+        found, given = np.zeros((len(w), self._entries)), (w, constants, corners)
+        arrays = [np.ascontiguousarray(a if a.size else np.zeros(1), float) for a in given]
+        at, of, *rest = (self._ffi.cast("double *", a.ctypes.data) for a in (found, *arrays))
+        for row in range(len(w)):  # pointers, for there may be thousands
+            tensor = at + row * self._entries
+            self._kernel(tensor, of + row * self.width, *rest, *self._none)
+        return found
+
+
+def maps_as_it_is(V) -> bool:
+    """Whether the values of a space's fields go to the reference cell as they are: those of vectors
+    along edges or across facets are turned, too."""
+    element = V.ufl_element()
+    if _recent:
+        return type(element.pullback).__name__ == "IdentityPullback"
+    return element.mapping() == "identity"
+
+
+def values_in_cell(V) -> int:
+    """How many values a field of a space has in a cell."""
+    return V.dofmap.dof_layout.num_dofs * V.dofmap.index_map_bs
+
+
+def _of_kernel(compiled) -> tuple:
+    """Positions of coefficients, and the kernels of all integrals over cells."""
+    if _recent:
+        first, end = (compiled.form_integral_offsets[k] for k in (0, 1))
+        integrals = [compiled.form_integrals[k] for k in range(first, end)]
+        positions = compiled.original_coefficient_positions
+    else:
+        integrals = [compiled.integrals(0)[k] for k in range(compiled.num_integrals(0))]
+        positions = compiled.original_coefficient_position
+    return positions, [one.tabulate_tensor_float64 for one in integrals]
+
+
+def cell_kernel(form) -> CellKernel | None:
+    """The kernel of one of the ``kernels`` of a form; None where it integrates over other things
+    than cells, over several sets of them or, all of it being zero, over none."""
+    of_cells = {(part.integral_type(), part.subdomain_id()) for part in form.integrals()}
+    if len(of_cells) != 1 or next(iter(of_cells))[0] != "cell":
+        return None
+    comm = form.ufl_domain().ufl_cargo().comm
+
+    def make() -> tuple:
+        if _recent:
+            found = fem.compile_form(comm, form, **_OPTIONS)
+            return found.ufcx_form, found.module
+        compiler = {"scalar_type": "double"}
+        return dolfinx.jit.ffcx_jit(comm, form, form_compiler_params=compiler, **_OPTIONS)[:2]
+
+    with _quiet():
+        compiled, module = form_compiler.build(comm, make)
+    positions, found = _of_kernel(compiled)
+    return CellKernel(form, compiled, module, *found, positions) if len(found) == 1 else None
 
 
 def _parts(form) -> list:

@@ -10,6 +10,7 @@ from dolfinx import fem
 from ..common import tensors
 from ..common.compiled import digits, jit
 from . import dolfinx_versions
+from .cell_means import CellMeans
 from .grid import Grid
 
 DEGREE = 3
@@ -18,16 +19,11 @@ PLACE = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
 
 
 @jit
-def _strain(nodes, slopes, mean, shear, u, out):
-    """Strain rows at Gauss points: ``slopes`` (cells, q, k, dim); ``mean`` the same at centres (or
-    empty)."""
+def _strain(nodes, slopes, shear, u, out):
+    """Strain rows at Gauss points: ``slopes`` (cells, q, k, dim)."""
     dim = u.shape[1]
     g = np.zeros((dim, dim))
     for c in range(len(nodes)):
-        centre = 0.0
-        for k in range(mean.shape[1]):
-            for i in range(dim):
-                centre += u[nodes[c, k], i] * mean[c, k, i]
         for q in range(slopes.shape[1]):
             g[:] = 0.0
             for k in range(nodes.shape[1]):
@@ -35,12 +31,8 @@ def _strain(nodes, slopes, mean, shear, u, out):
                     for j in range(dim):
                         g[i, j] += u[nodes[c, k], i] * slopes[c, q, k, j]
             row = out[c * slopes.shape[1] + q]
-            trace = 0.0
-            for i in range(dim):
-                trace += g[i, i]
-            shift = (centre - trace) / 3.0 if mean.shape[1] else 0.0
             for i in range(3):
-                row[i] = shift + (g[i, i] if i < dim else 0.0)
+                row[i] = g[i, i] if i < dim else 0.0
             for k in range(len(shear)):
                 row[3 + k] = g[shear[k, 0], shear[k, 1]] + g[shear[k, 1], shear[k, 0]]
 
@@ -53,7 +45,7 @@ class GaussPoints:
     each in an integral.
     """
 
-    def __init__(self, grid: Grid, mean_volume: bool = False):
+    def __init__(self, grid: Grid):
         self.grid = grid
         x = grid.mesh.geometry.x[dolfinx_versions.cell_vertices(grid.mesh)][..., : grid.dim]
         kind = basix.CellType.quadrilateral if grid.dim == 2 else basix.CellType.hexahedron
@@ -67,13 +59,10 @@ class GaussPoints:
         )
         self._volumes = np.abs(np.linalg.det(jacobian)) * weights
         self.volume = self._volumes.ravel()
-        self._mean = np.zeros((len(x), 0, grid.dim))
-        if mean_volume:
-            share = self._volumes / self._volumes.sum(axis=1, keepdims=True)
-            self._mean = np.einsum("cq,cqki->cki", share, self._slopes)
         place = np.einsum("qk,cki->cqi", values, x)
         self.x = place.reshape(-1, grid.dim)
         self.digit = (place > x.mean(axis=1)[:, None]).astype(np.int8)
+        self._values = values
         self._shear = np.array(tensors.SHEAR[grid.dim])
 
     @property
@@ -85,11 +74,18 @@ class GaussPoints:
     def __len__(self) -> int:
         return len(self.volume)
 
-    def strain(self, u: np.ndarray) -> np.ndarray:
-        """Strain rows (points, components) of nodal displacements (nodes, dim)."""
+    def strain(self, u: np.ndarray, means: CellMeans | None = None) -> np.ndarray:
+        """Strain rows (points, components) of nodal displacements (nodes, dim), in which volume
+        changes by the ``means`` of cells, if these are given."""
         out = np.empty((len(self), tensors.components(self.grid.dim)))
-        _strain(self._nodes, self._slopes, self._mean, self._shear, u, out)
-        return out
+        _strain(self._nodes, self._slopes, self._shear, u, out)
+        if means is None:
+            return out
+        return tensors.dilate(out, np.repeat(means.divergence(u), self.digit.shape[1]))
+
+    def interpolate(self, nodal: np.ndarray) -> np.ndarray:
+        """Values (points,) of nodal numbers (nodes,)."""
+        return (nodal[self._nodes] @ self._values.T).ravel()
 
     def gradient(self, u: np.ndarray) -> np.ndarray:
         """Gradients (points, dim, dim) of nodal displacements (nodes, dim)."""
@@ -98,9 +94,25 @@ class GaussPoints:
             -1, dim, dim
         )
 
-    def mean_divergence(self, u: np.ndarray) -> np.ndarray:
-        """Mean volumetric strain of each cell (cells,)."""
-        return np.einsum("cki,cki->c", self._mean, u[self._nodes])
+    def means(self) -> CellMeans:
+        """The mean of the gradient over each cell."""
+        share = self._volumes / self._volumes.sum(axis=1, keepdims=True)
+        return CellMeans(self._nodes, np.einsum("cq,cqki->cki", share, self._slopes))
+
+    def mean_of_cells(self, values: np.ndarray) -> np.ndarray:
+        """Means (cells, …) of values at the points (points, …)."""
+        share = self._volumes / self._volumes.sum(axis=1, keepdims=True)
+        return np.einsum("cq,cq...->c...", share, values.reshape(*share.shape, *values.shape[1:]))
+
+    def slopes_at(self, nodes: np.ndarray) -> np.ndarray:
+        """∂N/∂x (cells, points, k, dim), 1/m, of ``nodes`` (cells, k), those of each cell in any
+        order."""
+        order = np.argsort(self._nodes, axis=1)
+        place = np.argsort(np.argsort(nodes, axis=1), axis=1)
+        order = np.take_along_axis(order, place, axis=1)
+        return np.ascontiguousarray(
+            np.take_along_axis(self._slopes, order[:, None, :, None], axis=2)
+        )
 
     def at_corners(self, values: np.ndarray) -> np.ndarray:
         """Values (cells, 2^dim, f) at the corners of cells, x fastest, of the function that is

@@ -21,7 +21,8 @@ from ..common.compiled import digits
 from ..common.files import failing_together
 from ..common.ranks import together
 from . import dolfinx_versions
-from .cells import SIDES, Lattice, beside, walk
+from .cells import SIDES, Lattice, neighbours, patches, walk
+from .kinds import Kinds, kinds_of
 from .partition import distribute, distribute_anew
 
 Locator = Callable[[np.ndarray], np.ndarray]
@@ -97,6 +98,7 @@ class Grid:
         self._of_mesh = True
         self.offset = np.zeros(mesh.topology.dim)  # m: how far ``move_to`` has moved it
         self._made: list[np.ndarray] | None = None
+        self._same: Callable | None = None  # from nodes to those of which they are copies
         self._lie_on(mesh)
 
     def _lie_on(self, mesh) -> None:
@@ -128,6 +130,7 @@ class Grid:
         cells: Sequence[int],
         facets: Mapping[str, Locator] | None = None,
         comm: MPI.Comm = MPI.COMM_WORLD,
+        periodic: str = "",
     ) -> Grid:
         """Grid of equal cells between two corners (m), in 2D or 3D.
 
@@ -135,6 +138,8 @@ class Grid:
         -> bool (n,), such as ``{"strip": lambda x: (x[1] > 2 - 1e-9) & (x[0] < 1 + 1e-9)}``; a
         facet belongs to a part with all its corners, and facets inside the grid are never taken.
         ``grid.facets("strip")`` is then the part.
+        ``periodic``: directions, such as "x" or "xy", in which ranks know the cells over the sides,
+        too, as ``Tied`` wants it for material points on several ranks; on one rank it says nothing.
         Raises ``ValueError`` for corners or numbers of cells that make no box, and as ``Grid`` does
         for ``facets``.
         """
@@ -151,7 +156,7 @@ class Grid:
                     f"lower must lie below upper, got lower={tuple(lower)}, upper={tuple(upper)}"
                 )
         lines = [np.linspace(a, b, n + 1) for a, b, n in zip(lower, upper, cells, strict=True)]
-        return cls.rectilinear(lines, facets, comm)
+        return cls.rectilinear(lines, facets, comm, periodic)
 
     @classmethod
     def rectilinear(
@@ -159,9 +164,10 @@ class Grid:
         lines: Sequence[np.ndarray],
         facets: Mapping[str, Locator] | None = None,
         comm: MPI.Comm = MPI.COMM_WORLD,
+        periodic: str = "",
     ) -> Grid:
         """Grid of the cells between given grid lines, one increasing array of coordinates (m) a
-        direction."""
+        direction.  ``periodic`` as in ``box``."""
         an_object("comm", comm, MPI.Comm, "an MPI communicator")
         lines = [
             increasing("grid lines", line)
@@ -177,7 +183,10 @@ class Grid:
         strides = np.cumprod([1, *map(len, lines[:-1])])
         corner = sum(n * i for n, i in zip(strides, _slice(comm, lines, 1), strict=True))
         cells = corner[:, None] + digits(2, len(lines)) @ strides
-        return cls(distribute(comm, x, cells), facets)._on(comm)
+        same = _copies(list(map(len, lines)), periodic)
+        grid = cls(distribute(comm, x, cells, same), facets)._on(comm)
+        grid._same = same
+        return grid
 
     @classmethod
     def read(
@@ -236,7 +245,7 @@ class Grid:
         self.move_to(np.zeros(self.dim))
         self._made = None
         number = self.cell_numbers[: self.owned_cells]
-        mesh = distribute_anew(self.mesh, number, weight)
+        mesh = distribute_anew(self.mesh, number, weight, self._same)
         if self._of_mesh:
             self._on(self.comm.Dup())
         if neighbours is not None:
@@ -371,11 +380,10 @@ class Grid:
             )
         h = upper - lower
         nodes = self.tensor_order(self.space, 1, lower, h)
-        neighbour, patch = beside(lower, upper, nodes)
+        neighbour = neighbours(nodes, self.dim)
+        patch = patches(neighbour, nodes)
         self._check_ghosts(nodes)
-        lattice = Lattice(lower, upper, nodes, neighbour, patch, h.prod(axis=1))
-        _ = lattice.size  # before the grid moves
-        return lattice
+        return Lattice(lower, upper, nodes, neighbour, patch, h.prod(axis=1), h)
 
     @cached_property
     def _bounds(self) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -386,6 +394,11 @@ class Grid:
         place = (corner - lower[:, None]) / (upper - lower)[:, None]
         uneven = float(np.abs(place - np.round(place)).max(initial=0.0))
         return lower, upper, self.comm.allreduce(uneven, op=MPI.MAX) <= 1e-8
+
+    @cached_property
+    def kinds(self) -> Kinds | None:
+        """Kinds of this rank's cells and ghosts, each of one size, where all are boxes."""
+        return kinds_of(self.made_at[dolfinx_versions.cell_vertices(self.mesh)])
 
     @cached_property
     def centres(self) -> np.ndarray:
@@ -563,6 +576,24 @@ def _slice(comm: MPI.Comm, lines: Sequence[np.ndarray], less: int) -> Sequence[n
     counts = [len(line) - less for line in lines]
     here = np.arange(*exchange.slice_of(comm, math.prod(counts)))
     return np.unravel_index(here, counts[::-1])[::-1]
+
+
+def _copies(counts: Sequence[int], periodic: str) -> Callable[[np.ndarray], np.ndarray] | None:
+    """From numbers of nodes of a lattice of so many lines to those of which they are copies where
+    it goes on over its sides; None where it does not."""
+    axes = "xyz"[: len(counts)]
+    for c in periodic:
+        one_of("periodic", c, axes)
+    if not periodic:
+        return None
+    strides = np.cumprod([1, *counts[:-1]])
+    period = [n - 1 if c in periodic else n for n, c in zip(counts, axes, strict=True)]
+
+    def same(number: np.ndarray) -> np.ndarray:
+        index = number[..., None] // strides % counts
+        return (index % period) @ strides
+
+    return same
 
 
 def _weights(weight: np.ndarray, cells: int) -> np.ndarray:

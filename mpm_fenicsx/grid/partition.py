@@ -5,12 +5,14 @@ Each rank has a slice of the cells, whichever, and none has all.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from mpi4py import MPI
 
 import numpy as np
 
 from ..common import exchange
-from . import dolfinx_versions
+from . import dolfinx_versions, live_meshes
 
 EXACT = 2**52
 """Whole numbers up to here are sums of floats without round-off, in any order."""
@@ -18,20 +20,31 @@ BINS = 64
 """Into which all cells of a part that may be at the cut are sorted at once."""
 
 
-def distribute(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray):
+def distribute(
+    comm: MPI.Comm,
+    x: np.ndarray,
+    cells: np.ndarray,
+    same: Callable[[np.ndarray], np.ndarray] | None = None,
+):
     """Mesh of quadrilaterals or hexahedra, cut by coordinate bisection into parts of as many cells,
     all vertex neighbours ghosted.
 
     Each rank gives a slice of the nodes' places x (nodes, dim), m, and one of ``cells``
     (cells, 2^dim), their vertices in tensor order; a node's number is its place in all slices, one
-    rank's after the other's, and so is a cell's.  Collective.
+    rank's after the other's, and so is a cell's.  ``same``: from numbers of nodes to those of which
+    they are copies, where the mesh goes on over its edge: ghosts lie beyond it, too.  Collective.
     """
     first = comm.exscan(len(cells)) or 0
     number = first + np.arange(len(cells))
-    return _mesh(comm, x, cells, number, np.ones(len(cells)))
+    return _mesh(comm, x, cells, number, np.ones(len(cells)), same)
 
 
-def distribute_anew(mesh, number: np.ndarray, weight: np.ndarray):
+def distribute_anew(
+    mesh,
+    number: np.ndarray,
+    weight: np.ndarray,
+    same: Callable[[np.ndarray], np.ndarray] | None = None,
+):
     """The same mesh on the same ranks, cut so that their cells weigh as much.
 
     ``number``, ``weight`` (owned cells,): numbers that tell cells apart, and weights >= 0.  It is
@@ -46,7 +59,7 @@ def distribute_anew(mesh, number: np.ndarray, weight: np.ndarray):
     given = _as_given(
         comm, cell[: len(number)], {"vertices": vertices, "number": number, "weight": weight}
     )
-    return _mesh(comm, places["x"], given["vertices"], given["number"], given["weight"])
+    return _mesh(comm, places["x"], given["vertices"], given["number"], given["weight"], same)
 
 
 def _as_given(
@@ -66,14 +79,21 @@ def _as_given(
     return out
 
 
-def _mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, number: np.ndarray, weight: np.ndarray):
+def _mesh(
+    comm: MPI.Comm,
+    x: np.ndarray,
+    cells: np.ndarray,
+    number: np.ndarray,
+    weight: np.ndarray,
+    same: Callable[[np.ndarray], np.ndarray] | None,
+):
     if comm.size == 1:
         alone = np.arange(len(cells) + 1), np.zeros(len(cells), dtype=np.int64)
     else:
         corner = exchange.look_up(comm, x, cells.ravel()).reshape(*cells.shape, x.shape[1])
         owner = owners(comm, corner.mean(axis=1), number, weight, comm.size)
-        alone = destinations(comm, cells, owner)
-    return dolfinx_versions.create_mesh(comm, x, cells, lambda _: alone)
+        alone = destinations(comm, cells if same is None else same(cells), owner)
+    return live_meshes.count(dolfinx_versions.create_mesh(comm, x, cells, lambda _: alone))
 
 
 # -- owners ----------------------------------------------------------------------------------------

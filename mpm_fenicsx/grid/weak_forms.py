@@ -124,6 +124,11 @@ def load(force, w):
     return inner(force, w)
 
 
+def averaging(volume, squared, value, w):
+    """Weak form of q - l² ∇²q where a ``volume`` (-) of material is, l² being ``squared`` (m²)."""
+    return volume * (value * w + squared * inner(grad(value), grad(w)))
+
+
 def across(J, n):
     """Size of a cell of a rectilinear grid across its facet of normal n, J its Jacobian."""
     return sum(abs(dot(n, J[:, k])) for k in range(len(n)))

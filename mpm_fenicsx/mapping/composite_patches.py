@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..common.compiled import jit
+from ..grid.cells import Lattice
 from ..grid.grid import Grid
 
 
@@ -17,23 +18,24 @@ class Composite:
     polynomial through cells of both is wrong by construction. With polynomials across as well (a
     tensor product) a free body gains energy, and is less accurate: see studies/composite_across.py.
     Coefficients belong to the cell and are refreshed only where the patch has changed.
+    ``lattice``: the cells, if not those of the grid alone.
     """
 
-    def __init__(self, grid: Grid):
-        self.grid = grid
+    def __init__(self, grid: Grid, lattice: Lattice | None = None):
+        self.grid, self._lattice = grid, grid.lattice if lattice is None else lattice
         self.extent = np.full((grid.cells, grid.dim, 2), -1, dtype=np.int8)
         self.power = np.zeros((grid.cells, grid.dim, 4, 4))
 
     def place(self, filled: np.ndarray) -> None:
         """Refresh for the cells that hold points of the material, ``filled`` (cells,) of 0 and
         1."""
-        lat = self.grid.lattice
+        lat = self._lattice
         coefficients(filled, lat.neighbour, lat.size, self.extent, self.power)
 
     def gradient_at_points(self, x: np.ndarray, cell: np.ndarray, nodal: np.ndarray) -> np.ndarray:
         """Gradients (n, dim, dim) at points x (n, dim) in cells (n,) of nodal vectors (nodes,
         dim)."""
-        grid, lat = self.grid, self.grid.lattice
+        grid, lat = self.grid, self._lattice
         out = np.empty((len(x), grid.dim, grid.dim))
         bounds = lat.lower, lat.upper
         gradients(grid.axes, (x, cell), bounds, (self.power, lat.around), nodal, out)
@@ -99,13 +101,16 @@ def gradients(axes, points, bounds, patches, field, out):
         for d in range(dim):
             along, q = np.uint64(4**d), np.uint64(4 ** ((d + 1) % dim))
             r = np.uint64(4 ** ((d + 2) % dim)) if dim == 3 else np.uint64(0)
-            for e in range(dim):
-                out[p, e, d] = 0.0
+            gx = gy = gz = 0.0
             for k in range(2 if dim == 3 else 1):
                 for j in range(2):
                     w = line[(d + 1) % dim, j] * (line[(d + 2) % dim, k] if dim == 3 else 1.0)
                     row = first + np.uint64(1 + j) * q + np.uint64(1 + k) * r
                     for i in range(4):
                         node, g = around[row + np.uint64(i) * along], w * slope[d, i]
-                        for e in range(dim):
-                            out[p, e, d] += g * field[node, e]
+                        gx += g * field[node, 0]
+                        gy += g * field[node, 1]
+                        gz += g * field[node, 2] if dim == 3 else 0.0
+            out[p, 0, d], out[p, 1, d] = gx, gy
+            if dim == 3:
+                out[p, 2, d] = gz

@@ -80,7 +80,7 @@ def pairs_of(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Points (m,), Gauss points that they reach (m,) and w_gp (m,), for the points where they are
     now."""
-    lat = gauss.grid.lattice
+    lat = at.lattice
     most = _count(at.side) * gauss.digit.shape[1]
     point, where, weight = np.empty(most, np.int32), np.empty(most, np.int32), np.empty(most)
     found = _pair(

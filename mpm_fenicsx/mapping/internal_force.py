@@ -31,7 +31,8 @@ class InternalForce(Protocol):
         stresses: Sequence[np.ndarray] | None = None,
     ) -> None:
         """Add the force of all bodies to ``internal`` (nodes, dim), N: of their own stress, or of
-        ``stresses`` (n, dim, dim), Pa."""
+        ``stresses``, Pa: rows (n, components), or tensors (n, dim, dim) that need not be
+        symmetric."""
 
 
 class ConstantStress:
@@ -48,12 +49,13 @@ class ConstantStress:
         stresses: Sequence[np.ndarray] | None = None,
     ) -> None:
         """Add the force of all bodies to ``internal`` (nodes, dim), N: of their own stress, or of
-        ``stresses`` (n, dim, dim), Pa."""
-        for number, (body, stencil) in enumerate(zip(bodies, stencils, strict=True)):
-            stress = (
-                tensors.matrix(body.stress, self.grid.dim) if stresses is None else stresses[number]
-            )
-            stencil.deposit_divergence(body.volume[:, None, None] * stress, internal)
+        ``stresses``, as ``InternalForce`` takes them."""
+        given = [body.stress for body in bodies] if stresses is None else stresses
+        for body, stencil, stress in zip(bodies, stencils, given, strict=True):
+            if stress.ndim == 2:
+                stencil.deposit_stress(body.volume, stress, internal)
+            else:
+                stencil.deposit_divergence(body.volume[:, None, None] * stress, internal)
 
 
 class LinearStress:
@@ -99,12 +101,13 @@ class LinearStress:
         stresses: Sequence[np.ndarray] | None = None,
     ) -> None:
         """Add the force of all bodies to ``internal`` (nodes, dim), N: of their own stress, or of
-        ``stresses`` (n, dim, dim), Pa, what of these is skew as a constant over each domain."""
-        for number, (body, stencil) in enumerate(zip(bodies, stencils, strict=True)):
-            if stresses is None:
-                rows = np.ascontiguousarray(body.stress[:, self._columns])
+        ``stresses``, what of these is skew as a constant over each domain."""
+        given = [body.stress for body in bodies] if stresses is None else stresses
+        for body, stencil, stress in zip(bodies, stencils, given, strict=True):
+            if stress.ndim == 2:
+                rows = np.ascontiguousarray(stress[:, self._columns])
             else:
-                rows, skew = tensors.symmetric_row(stresses[number])
+                rows, skew = tensors.symmetric_row(stress)
                 if skew.any():
                     stencil.deposit_divergence(body.volume[:, None, None] * skew, internal)
             self._add(body, stencil, rows, internal)
@@ -113,7 +116,7 @@ class LinearStress:
         self, body: MaterialPoints, at: Stencil, stress: np.ndarray, internal: np.ndarray
     ) -> None:
         """Add the force of stress rows (n, columns), Pa."""
-        grid, lat = self.grid, self.grid.lattice
+        grid, lat = self.grid, at.lattice
         self._mean[:] = 0.0
         columns, points = once(stress.shape[1]), (body.volume, stress, body.x)
         _sum(grid.axes, at.reach, columns, at.weights, points, self._mean)

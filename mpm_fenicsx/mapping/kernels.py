@@ -149,6 +149,36 @@ def scatter_divergence(axes, reach, weights, slope, stress, out):
 
 
 @jit
+def scatter_stress(axes, reach, weights, slope, points, out):
+    """out_i += Σ_p V_p σ_p ∇w_ip; ``points`` (V, stress rows σ (n, components))."""
+    around, first, line = weights
+    volume, stress = points
+    dim, n = len(axes), len(reach)
+    for p in range(len(first)):
+        V = volume[p]
+        xx, yy, xy = V * stress[p, 0], V * stress[p, 1], V * stress[p, 3]
+        zz, yz, xz = 0.0, 0.0, 0.0
+        if dim == 3:
+            zz, yz, xz = V * stress[p, 2], V * stress[p, 4], V * stress[p, 5]
+        for k in range(n if dim == 3 else 1):
+            wz = line[p, 2, k] if dim == 3 else 1.0
+            for j in range(n):
+                flat, y = line[p, 1, j] * wz, slope[p, 1, j] * wz
+                z = line[p, 1, j] * slope[p, 2, k] if dim == 3 else 0.0
+                for i in range(n):
+                    node = around[first[p] + np.uint64(i + 4 * j + 16 * k)]
+                    gx, gy = slope[p, 0, i] * flat, line[p, 0, i] * y
+                    if dim == 3:
+                        gz = line[p, 0, i] * z
+                        out[node, 0] += xx * gx + xy * gy + xz * gz
+                        out[node, 1] += xy * gx + yy * gy + yz * gz
+                        out[node, 2] += xz * gx + yz * gy + zz * gz
+                    else:
+                        out[node, 0] += xx * gx + xy * gy
+                        out[node, 1] += xy * gx + yy * gy
+
+
+@jit
 def interpolate(axes, reach, columns, weights, field, out):
     """out_p = Σ_i w_ip q_i for nodal values (nodes, columns)."""
     around, first, line = weights
@@ -190,3 +220,54 @@ def interpolate_gradient(axes, reach, weights, slope, field, out):
             out[p, e, 0], out[p, e, 1] = gx, gy
             if dim == 3:
                 out[p, e, 2] = gz
+
+
+@jit
+def interpolate_stretch(axes, reach, weights, slope, field, out):
+    """out_p,d = 1 + Σ_i u_id ∂_d w_ip for nodal displacements u (nodes, dim): how much longer
+    support domains are along each direction."""
+    around, first, line = weights
+    dim, n = len(axes), len(reach)
+    for p in range(len(first)):
+        for d in range(dim):
+            total = 1.0
+            for k in range(n if dim == 3 else 1):
+                z = 1.0
+                if dim == 3:
+                    z = slope[p, 2, k] if d == 2 else line[p, 2, k]
+                for j in range(n):
+                    yz = z * (slope[p, 1, j] if d == 1 else line[p, 1, j])
+                    for i in range(n):
+                        node = around[first[p] + np.uint64(i + 4 * j + 16 * k)]
+                        total += yz * (slope[p, 0, i] if d == 0 else line[p, 0, i]) * field[node, d]
+            out[p, d] = total
+
+
+@jit
+def advance(axes, reach, weights, nodal, points, rule, shapes):
+    """Points move by u(x_p), take v += Δt ((1 - γ) a + γ a₁(x_p)), a = a₁(x_p), and grow.
+
+    ``nodal`` (nodes, 2 dim): u (m) and a₁ (m/s²); ``points`` (x, v, a); ``rule``: Δt (1 - γ) and
+    Δt γ; ``shapes`` (V, half support domains, J, stretch), of which V *= J and half *= stretch.
+    """
+    around, first, line = weights
+    x, v, a = points
+    before, after = rule
+    volume, half, J, stretch = shapes
+    dim, n = len(axes), len(reach)
+    for p in range(len(first)):
+        for d in range(dim):
+            u = a1 = 0.0
+            for k in range(n if dim == 3 else 1):
+                for j in range(n):
+                    across = line[p, 1, j] * (line[p, 2, k] if dim == 3 else 1.0)
+                    for i in range(n):
+                        w = across * line[p, 0, i]
+                        node = around[first[p] + np.uint64(i + 4 * j + 16 * k)]
+                        u += w * nodal[node, d]
+                        a1 += w * nodal[node, dim + d]
+            v[p, d] += before * a[p, d] + after * a1
+            a[p, d] = a1
+            x[p, d] += u
+            half[p, d] *= stretch[p, d]
+        volume[p] *= J[p]

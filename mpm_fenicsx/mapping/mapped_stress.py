@@ -53,13 +53,14 @@ class MappedStress:
         stresses: Sequence[np.ndarray] | None = None,
     ) -> None:
         """Add the force of all bodies to ``internal`` (nodes, dim), N: of their own stress, or of
-        ``stresses`` (n, dim, dim), Pa, what of these is skew as a sum over points."""
+        ``stresses``, as ``InternalForce`` takes them, what is skew as a sum over points."""
         self._projection.clear()
-        for number, (body, stencil) in enumerate(zip(bodies, stencils, strict=True)):
-            if stresses is None:
-                rows = body.stress[:, self._columns]
+        given = [body.stress for body in bodies] if stresses is None else stresses
+        for body, stencil, stress in zip(bodies, stencils, given, strict=True):
+            if stress.ndim == 2:
+                rows = stress[:, self._columns]
             else:
-                rows, skew = tensors.symmetric_row(stresses[number])
+                rows, skew = tensors.symmetric_row(stress)
                 if skew.any():
                     stencil.deposit_divergence(body.volume[:, None, None] * skew, internal)
             self._projection.add(stencil, body.volume[:, None] * rows)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 
-from ..common.checks import an_object, whole
+from ..common.checks import an_object, check_flags, whole
 from .projection import AT_POINTS, DOUBLE_MAPPED, Integration
 from .velocities import trapezoidal
 
@@ -44,8 +44,10 @@ class Mapping:
     ``transfer``: how points take velocities from the grid, ``trapezoidal`` or ``flip``;
     ``correction``: what the mismatch of (7) and the points' own force changes the acceleration by,
     or None to choose by the Courant number (see ``AccelerationCorrection`` and ``runs.options``);
-    ``b_bar``: volume changes by the mean of cells, on the grid and at the points, which cures
-    locking where ν comes near ½ or flow keeps the volume (double mappings only);
+    ``b_bar``: volume changes by the mean over the material in each cell, on the grid and at the
+    points (B-bar, at finite strain F-bar; see ``material_means``), which cures locking where ν
+    comes near ½ or flow ties the volume; double mappings only, and None is where a law says that
+    it needs it (``keeps_volume``);
     ``hold_cut_cells``: light nodes of cut cells in which anything acts go with those beside them
     (see ``ties``), unless a term ``GhostPenalty`` holds them.
 
@@ -63,7 +65,7 @@ class Mapping:
     sweeps: int = 1
     transfer: Callable = trapezoidal
     correction: AccelerationCorrection | None = None
-    b_bar: bool = False
+    b_bar: bool | None = None
     hold_cut_cells: bool = True
 
     def __post_init__(self) -> None:
@@ -96,9 +98,9 @@ class Mapping:
                 AccelerationCorrection,
                 "AccelerationCorrection.IMPLICIT, LUMPED or OFF",
             )
-        for name in ("b_bar", "hold_cut_cells"):
-            if getattr(self, name) not in (True, False):
-                raise ValueError(f"{name} must be True or False, got {getattr(self, name)!r}")
+        check_flags(hold_cut_cells=self.hold_cut_cells)
+        if self.b_bar is not None:
+            check_flags(b_bar=self.b_bar)
         if self.b_bar and self.integrate is not DOUBLE_MAPPED:
             raise ValueError(
                 f"b_bar needs integrals at Gauss points, and mapping {self.name} takes them at the "

@@ -106,7 +106,7 @@ class Projection:
 
     def add(self, stencil: Stencil, values: np.ndarray) -> None:
         """Add volume-weighted values V_p q_p (n, fields) of the points of a stencil."""
-        lat, dual = self.grid.lattice, self.integration.dual
+        lat, dual = stencil.lattice, self.integration.dual
         few = (
             len(stencil.reach) == 2
             and FEW * len(stencil) < self.grid.cells

@@ -21,6 +21,7 @@ from ..common.compiled import digits, jit
 from ..grid.grid import Grid
 from ..points.surface_points import SurfacePoints
 from .shape_functions import Stencil
+from .tied_sides import TiedSides
 
 SQRT3 = np.sqrt(3.0)
 # of a cell: so far over the grid's edge a face may reach, as it is drawn from its Gauss points
@@ -31,14 +32,13 @@ SLIVER = 1e-9
 
 class Faces:
     """Where the loads of surface points act: ``stencil``, that of the points, or of pieces where
-    lines cut faces."""
+    lines cut faces.  ``sides``: tied sides, over which faces go on, if any."""
 
-    def __init__(self, grid: Grid, points: SurfacePoints):
-        self.grid, self.points = grid, points
-        sign = 2.0 * digits(2, grid.dim - 1) - 1.0
-        self._toward = (
-            SQRT3 * sign.T / len(sign)
-        )  # times a face's points: from its centre to its sides, axis by axis
+    def __init__(self, grid: Grid, points: SurfacePoints, sides: TiedSides | None = None):
+        self.grid, self.points, self._sides = grid, points, sides
+        sign = self._signs = 2.0 * digits(2, grid.dim - 1) - 1.0
+        # times a face's points: from its centre to its sides, axis by axis
+        self._toward = SQRT3 * sign.T / len(sign)
         self._hair = 1e-9 * grid.smallest  # the same on all ranks, so that they agree on the cell
         # whole points; pieces: face, W
         self._cut: tuple[np.ndarray, np.ndarray, np.ndarray] | None = None
@@ -46,7 +46,11 @@ class Faces:
     def within(self, x: np.ndarray, normal: np.ndarray) -> np.ndarray:
         """Places a hair inside the body: a point on a cell's edge belongs to the cell with the
         material."""
-        return x - self._hair * normal
+        return self.brought_in(x - self._hair * normal)
+
+    def brought_in(self, x: np.ndarray) -> np.ndarray:
+        """Places beyond tied sides where they come in on the other."""
+        return x if self._sides is None else self._sides.inside(x)
 
     def place(self, own: Stencil) -> str | None:
         """Cut the faces where they are now, ``own`` being the points' stencil; returns what is
@@ -58,17 +62,16 @@ class Faces:
         x, cell = self.points.x.reshape(-1, k, self.grid.dim), own.cell[::k].copy()
         normal = self.points.normal[::k]
         centre, lat = x.sum(axis=1) / k, self.grid.lattice
+        lat = lat if self._sides is None else self._sides.lattice
         axes = np.tensordot(self._toward, x, (1, 1))
         self.grid.walk(self.within(centre, normal), cell)
         ends = np.empty((len(x), len(axes), 2 * self.grid.dim))
         if not _ends(centre, axes, cell, lat.lower, lat.upper, lat.neighbour, ends):
             return None
-        crossed = np.flatnonzero((ends < 1.0).any(axis=(1, 2)))
-        place, at, weight = _pieces(
-            centre[crossed], axes[:, crossed], np.sort(ends[crossed], axis=2)
-        )
-        face = crossed[at]
-        whole = np.flatnonzero(~np.isin(np.arange(len(own)) // k, crossed))
+        crossed = (ends < 1.0).reshape(len(x), -1).any(axis=1)
+        place, face, weight = _pieces(np.flatnonzero(crossed), centre, axes, ends, self._signs)
+        whole = np.flatnonzero(np.repeat(~crossed, k))
+        place = self.brought_in(place)
         where, edge = cell[face], np.clip(place, self.grid.lower_corner, self.grid.upper_corner)
         over = np.abs(place - edge).max(axis=1, initial=0.0) <= OVER * self.grid.smallest
         place[over] = edge[over]
@@ -79,7 +82,7 @@ class Faces:
         self._cut = whole, face, weight
         self.stencil = Stencil(self.grid, len(whole) + len(face), support=False)
         self.stencil.place(
-            np.concatenate((self.points.x[whole], place)),
+            np.concatenate((self.brought_in(self.points.x[whole]), place)),
             None,
             np.concatenate((own.cell[whole], where)),
         )
@@ -136,30 +139,50 @@ def _ends(centre, axes, cell, lower, upper, neighbour, out):
     return crossed
 
 
-def _pieces(
-    centre: np.ndarray, axes: np.ndarray, ends: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Gauss points (m, dim) of the pieces, their faces (m,) and W (m, points of a face).
+@jit
+def _pieces(faces, centre, axes, ends, signs):
+    """Gauss points (m, dim) of the pieces of those ``faces`` (n,) that lines cut, the face of each
+    (m,), and its W (m, points of a face).
 
     ``axes`` (axes, faces, dim) from the centres (faces, dim) to the faces' sides; ``ends`` (faces,
-    axes, cuts), sorted.
+    axes, cuts), sorted here; ``signs`` (points of a face, axes) of the places of these.
     """
-    faces, dim = centre.shape
-    edge = np.concatenate(
-        (-np.ones((*ends.shape[:2], 1)), ends, np.ones((*ends.shape[:2], 1))), axis=2
-    )
-    half, middle = 0.5 * np.diff(edge, axis=2), 0.5 * (edge[:, :, 1:] + edge[:, :, :-1])
-    s = (middle[..., None] + half[..., None] * np.array([-1.0, 1.0]) / SQRT3).reshape(
-        faces, dim - 1, -1
-    )
-    weight = np.repeat(half, 2, axis=2)
-    many = digits(s.shape[2], dim - 1)  # a Gauss point along each axis
-    s, weight = (
-        np.stack([a[:, j, many[:, j]] for j in range(dim - 1)], axis=2) for a in (s, weight)
-    )
-    face, q = np.nonzero((weight > 0.0).all(axis=2))
-    s, weight = s[face, q], weight[face, q].prod(axis=1)
-    place = centre[face] + sum(s[:, j, None] * axis[face] for j, axis in enumerate(axes))
-    sign = 2 * digits(2, dim - 1) - 1
-    shape = (0.5 * (1.0 + SQRT3 * sign * s[:, None])).prod(axis=2)  # ℓ_g, (m, k)
-    return place, face, weight[:, None] * shape
+    lines, dim = axes.shape[0], centre.shape[1]
+    edge = np.ones((len(faces), 2, 2 * dim + 2))  # of pieces along each axis; one that is not there
+    edge[:, :, 0] = -1.0
+    total = 0
+    for r in range(len(faces)):
+        points = 1
+        for j in range(lines):
+            edge[r, j, 1:-1] = np.sort(ends[faces[r], j])
+            longer = 0
+            for e in range(2 * dim + 1):
+                longer += edge[r, j, e + 1] > edge[r, j, e]
+            points *= 2 * longer
+        total += points
+    place, weight = np.empty((total, dim)), np.empty((total, len(signs)))
+    face = np.empty(total, np.int64)
+    q, s, w = 0, np.zeros(2), np.ones(2)
+    for r in range(len(faces)):
+        f = faces[r]
+        for piece in range((2 * (2 * dim + 1)) ** lines):
+            part, there = piece, True
+            for j in range(lines):
+                e, gauss = part // 2 % (2 * dim + 1), 2 * (part % 2) - 1
+                part //= 2 * (2 * dim + 1)
+                w[j] = 0.5 * (edge[r, j, e + 1] - edge[r, j, e])
+                s[j] = 0.5 * (edge[r, j, e + 1] + edge[r, j, e]) + w[j] * (gauss / SQRT3)
+                there = there and w[j] > 0.0
+            if not there:
+                continue
+            face[q] = f
+            for d in range(dim):
+                place[q, d] = centre[f, d]
+                for j in range(lines):
+                    place[q, d] += s[j] * axes[j, f, d]
+            for g in range(len(signs)):
+                weight[q, g] = 1.0
+                for j in range(lines):
+                    weight[q, g] *= w[j] * 0.5 * (1.0 + SQRT3 * signs[g, j] * s[j])
+            q += 1
+    return place, face, weight

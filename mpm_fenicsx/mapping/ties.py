@@ -26,9 +26,12 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from ..common.compiled import digits, jit
+from ..common.ranks import of_all
 from ..grid import dolfinx_versions
+from ..grid.cells import Lattice
 from ..grid.grid import Grid
 from .projection import HATS, QUADRATICS
+from .tied_sides import TiedSides
 
 HEAVY, HEAVY_ENOUGH = 0.25, 0.0625
 """Of what a full cell gives to each of its nodes: a node is held by a cell with a point in it that
@@ -53,13 +56,17 @@ class Ties:
     nothing is tied.
 
     ``fixed`` (dofs,): those whose motion is known, which stay as they are; ``tied`` (dofs,): those
-    that are.
+    that are.  ``sides``: tied sides of the grid, if any, copies of whose nodes follow the first.
     """
 
-    def __init__(self, grid: Grid, fixed: np.ndarray):
-        self.grid, self._fixed = grid, fixed
+    def __init__(self, grid: Grid, fixed: np.ndarray, sides: TiedSides | None = None):
+        self.grid, self._fixed, self.sides = grid, fixed, sides
         self.P: PETSc.Mat | None = None
-        self.tied = np.zeros_like(fixed)
+        self.tied, self._follows = np.zeros_like(fixed), np.zeros_like(fixed)
+        self._of_sides: PETSc.Mat | None = None
+        if sides is not None:
+            self._of_sides, self._follows = sides.matrix(fixed)
+            self._take(self._of_sides)
         self._shown = np.zeros(2 * grid.nodes + grid.cells, dtype=bool)
 
     def tie(self, light: np.ndarray, heavy: np.ndarray, cells: np.ndarray) -> bool:
@@ -70,20 +77,32 @@ class Ties:
         if not changed:
             return False
         self._shown = shown
-        before, self.P = self.P, self._product(light, heavy, cells)
-        if self.P is not None:
-            mask = self.P.createVecRight()
-            mask.array[:] = ~self._fixed[: len(mask.array)]
-            self.free = self.P.copy()
-            self.free.diagonalScale(None, mask)
-            self._x, self._y = self.P.createVecs()
+        before = self.P
+        self._take(self._product(light, heavy, cells))
         return before is not None or self.P is not None
 
+    def _take(self, P: PETSc.Mat | None) -> None:
+        self.P = P
+        self.tied |= self._follows
+        if P is not None:
+            mask = P.createVecRight()
+            mask.array[:] = ~self._fixed[: len(mask.array)]
+            self.free = P.copy()
+            self.free.diagonalScale(None, mask)
+            self._x, self._y = P.createVecs()
+
+    @property
+    def lattice(self) -> Lattice:
+        """The cells, over tied sides, too."""
+        return self.grid.lattice if self.sides is None else self.sides.lattice
+
     def _product(self, light: np.ndarray, known: np.ndarray, cells: np.ndarray) -> PETSc.Mat | None:
-        P, self.tied = None, np.zeros_like(self._fixed)
+        P, self.tied, sides = None, np.zeros_like(self._fixed), self.sides
         for _ in range(LAYERS):
             node, beside, weight = self._beside(light & ~known, known, cells)
             found = summed(self.grid, np.bincount(node, minlength=self.grid.nodes).astype(float))
+            if sides is not None:
+                sides.add_up(found[:, None])
             if not self.grid.comm.allreduce(found.max(initial=0.0), op=MPI.MAX) > 0.0:
                 break
             layer = self._layer(node, beside, weight / found[node][:, None], found > 0.0)
@@ -91,6 +110,8 @@ class Ties:
             known = known | (found > 0.0)
             self.tied |= np.repeat(found > 0.0, self.grid.dim)
         self.tied &= ~self._fixed
+        if sides is not None:
+            P = self._of_sides if P is None else self._of_sides.matMult(P)
         return P
 
     def _beside(
@@ -98,7 +119,7 @@ class Ties:
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Light nodes (m,), the next two nodes on a line with each (m, 2), both known, and their
         weights (m, 2)."""
-        grid, lat = self.grid, self.grid.lattice
+        grid, lat = self.grid, self.lattice
         base, h = 4 ** np.arange(grid.dim), lat.upper - lat.lower
         patch = lat.patch[: grid.owned_cells]
         rows = []
@@ -130,9 +151,12 @@ class Ties:
         grid, numbers = self.grid, self.grid.space.dofmap.index_map
         dim, owned = grid.dim, numbers.size_local
         tied = (found[:, None] & ~self._fixed.reshape(-1, dim)).ravel()
-        number = dim * numbers.local_to_global(np.arange(grid.nodes, dtype=np.int32)).astype(
-            PETSc.IntType
+        number = (
+            numbers.local_to_global(np.arange(grid.nodes, dtype=np.int32))
+            if self.sides is None
+            else self.sides.first
         )
+        number = dim * number.astype(PETSc.IntType)
         component = np.arange(dim, dtype=PETSc.IntType)
         moves = tied.reshape(-1, dim)[node].ravel()
         rows = (number[node][:, None] + component).ravel()[moves]
@@ -156,9 +180,23 @@ class Ties:
         P.assemble()
         return P
 
+    @property
+    def light(self) -> bool:
+        """Whether any node is light."""
+        return self.P is not self._of_sides
+
     def condense(self, A: PETSc.Mat, into: PETSc.Mat | None) -> PETSc.Mat:
         """PᵀAP without what is fixed, ``into`` that of an earlier step with the same ties."""
         return A.PtAP(self.free) if into is None else A.PtAP(self.free, result=into)
+
+    def all_copies(self, marks: np.ndarray) -> np.ndarray:
+        """Which of this rank's own nodes (n,), bool, are marked with all copies of theirs on tied
+        sides.  Collective."""
+        if self.sides is None:
+            return marks
+        others = np.zeros(self.grid.nodes, dtype=bool)
+        others[: len(marks)] = ~marks
+        return ~self.sides.largest(others)[: len(marks)]
 
     # -- motions and forces ------------------------------------------------------------------------
 
@@ -173,6 +211,12 @@ class Ties:
     def pass_on(self, f: fem.Function) -> None:
         """Forces on light nodes go to those they are tied to."""
         self._apply(self.P.multTranspose, f)
+
+    def pass_on_at_sides(self, f: fem.Function) -> None:
+        """Forces on copies of a node of tied sides go to the first of them, and stay on light
+        nodes."""
+        if self._of_sides is not None:
+            self._apply(self._of_sides.multTranspose, f)
 
     def pass_on_free(self, f: fem.Function) -> None:
         """The same, and none is left where motion is known."""
@@ -198,6 +242,10 @@ class Ties:
         shared.x.array[:] = own
         self.pass_on(force)
         self.pass_on(shared)
+        if self.sides is not None:
+            own = own.reshape(-1, self.grid.dim)
+            self.sides.add_up(own)
+            own = own.ravel()
         there = shared.x.array > MOST * own
         np.divide(force.x.array, shared.x.array, out=force.x.array, where=there)
         force.x.array[~there] = 0.0
@@ -309,7 +357,7 @@ class Fills:
             self.best,
             self.there,
         )
-        self.largest = min(1.0, self.grid.comm.allreduce(largest, op=MPI.MAX))
+        self.largest = min(1.0, of_all(self.grid.comm, largest, MPI.MAX))
 
 
 @jit
@@ -357,19 +405,26 @@ class Holding:
         pointed = grid.share_cells(pointed)
         loaded = grid.most_anywhere(loaded)  # a face may reach into cells of another rank
         if not self._everywhere and not np.array_equal(loaded, self._loaded):
-            self._loaded, self._near = loaded.copy(), np.flatnonzero(grid.lattice.spread(loaded))
+            self._loaded, self._near = (
+                loaded.copy(),
+                np.flatnonzero(self.ties.lattice.spread(loaded)),
+            )
         fills.weigh(self._near, pointed)
         self._fill_up()
         acted = loaded + fills.there > 1 if not self._everywhere else (loaded > 1) | fills.there
         light = np.zeros(grid.nodes, dtype=bool)
         light[nodes[acted]] = True
         heavy = self._heavy * fills.largest
-        light &= fills.best < heavy
-        if grid.comm.allreduce(int(light.any()), op=MPI.MAX) or self.ties.P is not None:
+        sides, best = self.ties.sides, fills.best
+        if sides is not None:
+            light, best = sides.largest(light), sides.largest(best)
+        light &= best < heavy
+        if of_all(grid.comm, int(light.any()), MPI.MAX) or self.ties.P is not None:
             if not self._everywhere:
                 fills.weigh(self._all, pointed)
                 self._fill_up()
-            light, heavy = self._share(light), self._share(fills.best >= heavy)
+                best = fills.best if sides is None else sides.largest(fills.best)
+            light, heavy = self._share(light), self._share(best >= heavy)
             self.ties.tie(light, heavy, acted | fills.there)
 
     def _fill_up(self) -> None:

@@ -10,11 +10,15 @@ from dolfinx import fem
 
 from ..common.checks import whole
 from ..common.compiled import jit
+from ..common.ranks import of_all
 from ..dynamics.motion import Motion
 from ..dynamics.time_stepping import Newmark
 from ..grid import dolfinx_versions, weak_forms
+from ..grid.cells import Lattice
+from ..grid.consistent_mass import ConsistentMass
 from ..points.material_points import MaterialPoints
 from .shape_functions import Stencil
+from .tied_sides import TiedSides
 from .ties import Ties
 
 TRANSITS = 4.0
@@ -31,29 +35,32 @@ class Deposit:
         v += v₁ − M̄⁻¹M v
 
     with the consistent mass M, its row sums M̄ and v₁ the divided values takes some of it out.
-    Nodes of known motion have what is known, whatever points deposit there. ``mass`` (nodes,), kg,
-    is the lumped one, of points.
+    Nodes of known motion have what is known, whatever points deposit there. ``consistent``: M of
+    points; ``mass`` (nodes,), kg, is the lumped one.
     ``beside``: finite elements that count at the nodes which they share with points, by their
     consistent mass; each with a ``density`` that ``dx`` integrates, ``V`` and ``A``, and ``own``
-    nodes that it does not share.
+    nodes that it does not share.  ``sides``: tied sides, copies of whose nodes count together, if
+    any; in ``mass`` each has its own.
     """
 
     def __init__(
-        self, motion: Motion, density, dx: ufl.Measure, sweeps: int, beside: Sequence = ()
+        self,
+        motion: Motion,
+        consistent: ConsistentMass,
+        sweeps: int,
+        beside: Sequence = (),
+        sides: TiedSides | None = None,
     ):
         self.motion, self.sweeps, self._beside = motion, whole("sweeps", sweeps, least=0), beside
+        self._consistent, self.sides = consistent, sides
         V = dolfinx_versions.space(motion.grid.mesh, "Lagrange", 1, (1 + 2 * motion.grid.dim,))
         self._sums = fem.Function(V)  # mass, momentum, mass times acceleration
         self.mass = np.zeros(motion.grid.nodes)
         w = ufl.TestFunction(V)
         masses = [weak_forms.inertia(p.density, self._sums, w) * p.edge_dx for p in beside]
-        self._shared = dolfinx_versions.compile_form(sum(masses)) if beside else None
+        self._shared = dolfinx_versions.compile_form(sum(masses))
         if self.sweeps or beside:
             self._smooth = fem.Function(V)
-        if self.sweeps:
-            self._averaging = dolfinx_versions.compile_form(
-                sum(masses, weak_forms.inertia(density, self._sums, w) * dx)
-            )
 
     def predict(self, bodies: Sequence[MaterialPoints], stencils: Sequence[Stencil]) -> None:
         """Set the motion's v and a."""
@@ -82,6 +89,9 @@ class Deposit:
             return found
         if np.ndim(beside):
             mass = self.mass + beside
+            if self.sides is not None:
+                self.sides.add_up(mass[:, None])
+                self.sides.add_up(found)
             found /= np.where(mass > 0.0, mass, np.inf)[:, None]
             self.motion.know_start(np.zeros_like(found), found)
             return found
@@ -114,7 +124,9 @@ class Deposit:
     def _divided(self, nodal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Velocity and acceleration (nodes, dim) of ``nodal`` mass, momentum and mass times
         acceleration."""
-        dim = self.motion.grid.dim
+        dim, sides = self.motion.grid.dim, self.sides
+        if sides is not None:
+            sides.add_up(nodal)
         _divide(nodal)
         velocity, acceleration = nodal[:, 1 : 1 + dim], nodal[:, 1 + dim :]
         divided = nodal.copy() if self.sweeps else nodal
@@ -124,8 +136,12 @@ class Deposit:
             nodal[:, 0] = 1.0
             for _ in range(self.sweeps):
                 smooth[:] = 0.0
-                dolfinx_versions.assemble_vector(self._smooth, self._averaging)
+                self._consistent.add_times(nodal, self.motion.region.cells, smooth)
+                if self._shared is not None:
+                    dolfinx_versions.assemble_vector(self._smooth, self._shared)
                 dolfinx_versions.gather(self._smooth)
+                if sides is not None:
+                    sides.add_up(smooth)
                 _sharpen(divided, smooth, nodal)
                 for part in self._beside:
                     nodal[part.own] = divided[part.own]
@@ -142,28 +158,75 @@ class KnownVelocity:
 
         v_p -= r w_p (v_p - Σ_i S_ip v_i),    w_p = Σ_i S_ip over nodes i of known motion,
 
-    which leaves a velocity that is linear in space as it is.  All of it at once takes energy off
+    which leaves a velocity that is linear in space as it is.  ``taken`` (1,), J, is the energy that
+    this has taken off the points of all ranks.  All of it at once takes energy off
     waves at a support: r = min(1, ``rate`` Δt), ``rate`` (1/s) once in ``TRANSITS`` times that a
     wave takes through a cell.
     """
 
-    def __init__(self, motion: Motion, rate: float):
+    def __init__(self, motion: Motion, rate: float, lattice: Lattice):
         grid, self.motion, self.rate = motion.grid, motion, rate
-        self.known = np.zeros((grid.nodes, grid.dim))
+        self.known, self.taken, self._now = np.zeros((grid.nodes, grid.dim)), np.zeros(1), 0.0
         for dofs in (*motion.at_rest, *(known.dofs for known in motion.moved)):
             self.known.reshape(-1)[dofs] = 1.0
-        at = self.known.any(axis=1)[grid.lattice.nodes].any(axis=1)
-        self._near = grid.lattice.spread(at)  # support domains reach into the next cell
+        at = self.known.any(axis=1)[lattice.nodes].any(axis=1)
+        self._near = lattice.spread(at)  # support domains reach into the next cell
 
-    def take_up(self, velocity: np.ndarray, stencil: Stencil, end: np.ndarray) -> None:
-        """Change velocities (n, dim) of the points of a stencil; ``end`` (nodes, dim): those at the
-        end of the step."""
-        rows = np.flatnonzero(self._near[stencil.cell])
-        if len(rows):
-            share = min(1.0, self.rate * self.motion.stepping.dt) * stencil.at_points(
-                self.known, rows
-            )
-            velocity[rows] -= share * (velocity[rows] - stencil.at_points(end, rows))
+    def take_up(
+        self, velocity: np.ndarray, mass: np.ndarray, stencil: Stencil, end: np.ndarray
+    ) -> None:
+        """Change velocities (n, dim) of the points of a stencil, of ``mass`` (n,), kg; ``end``
+        (nodes, dim): those at the end of the step."""
+        grid, rate = self.motion.grid, min(1.0, self.rate * self.motion.stepping.dt)
+        where = self._near, stencil.cell
+        taken = _take_up(
+            (grid.axes, stencil.reach),
+            where,
+            stencil.weights,
+            (self.known, end),
+            velocity,
+            mass,
+            rate,
+        )
+        self._now += taken
+
+    def add_up(self) -> None:
+        """Count what the step has taken, on all ranks.  Collective."""
+        self.taken += of_all(self.motion.grid.comm, self._now)
+        self._now = 0.0
+
+
+@jit
+def _take_up(layout, where, weights, nodal, velocity, mass, rate):
+    """v_p -= r w_p (v_p - Σ_i S_ip v_i), w_p = Σ_i S_ip of known motion; returns the energy (J)
+    that this takes.
+
+    ``layout`` (axes, reach); ``where`` (near (cells,), cell (n,)): points elsewhere are left as
+    they are; ``nodal`` (known, end), (nodes, dim) each.
+    """
+    axes, reach = layout
+    near, cell = where
+    around, first, line = weights
+    known, end = nodal
+    dim, n, taken = len(axes), len(reach), 0.0
+    for p in range(len(first)):
+        if not near[cell[p]]:
+            continue
+        for d in range(dim):
+            share = there = 0.0
+            for k in range(n if dim == 3 else 1):
+                for j in range(n):
+                    across = line[p, 1, j] * (line[p, 2, k] if dim == 3 else 1.0)
+                    for i in range(n):
+                        w = across * line[p, 0, i]
+                        node = around[first[p] + np.uint64(i + 4 * j + 16 * k)]
+                        share += w * known[node, d]
+                        there += w * end[node, d]
+            before = velocity[p, d]
+            now = before - rate * share * (before - there)
+            velocity[p, d] = now
+            taken += 0.5 * mass[p] * (before * before - now * now)
+    return taken
 
 
 @jit

@@ -18,7 +18,7 @@ import math
 
 import numpy as np
 
-from ..common.compiled import jit
+from ..common.compiled import inlined, jit
 
 
 @jit
@@ -141,6 +141,25 @@ def trial(h, state, pairs, shear, out):
             values[m, a] += 1.0
 
 
+@inlined
+def _log_rate(axes, k, l, b, N, θ, Z, out):
+    """Write L : (l b + b lᵀ) for l with the one component kl, as a matrix."""
+    dim = len(axes)
+    for c in range(dim):
+        for i in range(dim):
+            Z[i, c] = 0.0
+        for a in range(dim):
+            y = θ[a, c] * (N[k, a] * b[c] * N[l, c] + b[a] * N[l, a] * N[k, c])
+            for i in range(dim):
+                Z[i, c] += N[i, a] * y
+    for i in range(dim):
+        for j in range(i + 1):
+            s = 0.0
+            for c in range(dim):
+                s += Z[i, c] * N[j, c]
+            out[i, j] = out[j, i] = s
+
+
 @jit
 def _spatial(layout, stress, D, values, N, work, row, out):
     """Write T, the stress as a matrix, and a of dτ - τ lᵀ = a : l, rows and columns ij in the order
@@ -161,19 +180,7 @@ def _spatial(layout, stress, D, values, N, work, row, out):
         T[i, j] = T[j, i] = stress[3 + k]
     for k in range(dim):
         for l in range(dim):
-            for b in range(dim):
-                for i in range(dim):
-                    Z[i, b] = 0.0
-                for a in range(dim):
-                    y = θ[a, b] * (N[k, a] * values[b] * N[l, b] + values[a] * N[l, a] * N[k, b])
-                    for i in range(dim):
-                        Z[i, b] += N[i, a] * y
-            for i in range(dim):
-                for j in range(i + 1):
-                    s = 0.0
-                    for b in range(dim):
-                        s += Z[i, b] * N[j, b]
-                    Y[i, j] = Y[j, i] = s
+            _log_rate(axes, k, l, values, N, θ, Z, Y)
             for i in range(dim):
                 row[i] = Y[i, i]
             for c in range(len(shear)):
@@ -237,3 +244,128 @@ def nominal(layout, F, scale, pairs, law, eigen, out_stress, out_tangent):
                         t += half[i * dim + j, col] * G[J, j]
                     out_tangent[m, c] = t
                     c += 1
+
+
+@jit
+def by_means(layout, scale, pairs, law, eigen, carried, out_stress, out_tangent):
+    """Write stress and tangent against l = df f⁻¹ and θ = d ln det f of the cell (F-bar), where the
+    volume's part of dε is θ's: dε = L : (l b + b lᵀ) + ⅓ (θ - tr l) 1.
+
+    Rows are ij, in the order i dim + j, and one more: of stress s dev τ and s p, p the mean of τ;
+    of the tangent the derivative of dev τ : l + p θ, l being that of the virtual motion, but for
+    -p tr(l l) of the cell, in the order of ``carried`` (rows, columns).  The rest as in
+    ``nominal``, ``scale``, of every state, being s.
+    """
+    axes, shear, _ = layout
+    at, of = pairs
+    stress, D = law
+    values, vectors = eigen
+    row, column = carried
+    dim, count = len(axes), D.shape[1]
+    n = dim * dim
+    T, θ, Y, Z = np.empty((4, dim, dim))
+    dε, dτ, whole = np.empty(count), np.empty(count), np.empty((n + 1, n + 1))
+    for m in range(len(at)):
+        s, b, N = scale[of[m]], values[m], vectors[m]
+        mean = (stress[m, 0] + stress[m, 1] + stress[m, 2]) / 3.0
+        for i in range(dim):
+            T[i, i] = stress[m, i] - mean
+            for j in range(dim):
+                x = (b[i] - b[j]) / b[j]
+                θ[i, j] = 0.5 / b[j] * (math.log1p(x) / x if x != 0.0 else 1.0)
+        for k in range(len(shear)):
+            i, j = shear[k]
+            T[i, j] = T[j, i] = stress[m, 3 + k]
+        for k in range(dim):
+            for l in range(dim):
+                _log_rate(axes, k, l, b, N, θ, Z, Y)
+                for i in range(count):
+                    dε[i] = 0.0
+                for i in range(dim):
+                    dε[i] = Y[i, i]
+                for c in range(len(shear)):
+                    dε[3 + c] = Y[shear[c, 0], shear[c, 1]] + Y[shear[c, 1], shear[c, 0]]
+                if k == l:
+                    for i in range(3):
+                        dε[i] -= 1.0 / 3.0
+                _column(layout, D[m], dε, dτ, whole, k * dim + l)
+                for i in range(dim):
+                    whole[i * dim + k, k * dim + l] -= T[i, l]
+        for i in range(count):
+            dε[i] = 1.0 / 3.0 if i < 3 else 0.0
+        _column(layout, D[m], dε, dτ, whole, n)
+        for i in range(dim):
+            for j in range(dim):
+                out_stress[m, i * dim + j] = s * T[i, j]
+        out_stress[m, n] = s * mean
+        for e in range(len(row)):
+            out_tangent[m, e] = s * whole[row[e], column[e]]
+
+
+@jit
+def _column(layout, D, dε, dτ, out, column):
+    """Write D : dε as a column: its deviator in the plane, and its mean."""
+    axes, shear, _ = layout
+    dim, n = len(axes), len(axes) * len(axes)
+    for i in range(len(dε)):
+        dτ[i] = 0.0
+        for j in range(len(dε)):
+            dτ[i] += D[i, j] * dε[j]
+    mean = (dτ[0] + dτ[1] + dτ[2]) / 3.0
+    for i in range(dim):
+        out[i * dim + i, column] = dτ[i] - mean
+    for c in range(len(shear)):
+        i, j = shear[c]
+        out[i * dim + j, column] = out[j * dim + i, column] = dτ[3 + c]
+    out[n, column] = mean
+
+
+@jit
+def push(axes, F, stress, tangent, carried):
+    """Bring rows against l at Gauss points, in place, to rows against ∇u = l F (points, dim²),
+    where F (points, dim, dim) is; the last row, of θ, stays what it is."""
+    row, column, symmetric = carried
+    dim = len(axes)
+    n = dim * dim
+    G = np.empty((dim, dim))
+    whole, half = np.zeros((n + 1, n + 1)), np.empty((n + 1, n + 1))
+    line = np.empty(n)
+    for g in range(len(F)):
+        some = False
+        for e in range(len(row)):
+            value = tangent[g, e]
+            some |= value != 0.0
+            whole[row[e], column[e]] = value
+            if symmetric:
+                whole[column[e], row[e]] = value
+        for r in range(n + 1):
+            some |= stress[g, r] != 0.0
+        if not some:
+            continue
+        if not inverse(F[g], G) > 0.0:
+            G[:] = np.nan
+        for i in range(dim):
+            for J in range(dim):
+                line[i * dim + J] = 0.0
+                for j in range(dim):
+                    line[i * dim + J] += stress[g, i * dim + j] * G[J, j]
+        for r in range(n):
+            stress[g, r] = line[r]
+        for r in range(n + 1):
+            half[r, n] = whole[r, n]
+            for k in range(dim):
+                for L in range(dim):
+                    t = 0.0
+                    for l in range(dim):
+                        t += whole[r, k * dim + l] * G[L, l]
+                    half[r, k * dim + L] = t
+        for c in range(n + 1):
+            whole[n, c] = half[n, c]
+            for i in range(dim):
+                for J in range(dim):
+                    t = 0.0
+                    for j in range(dim):
+                        t += half[i * dim + j, c] * G[J, j]
+                    whole[i * dim + J, c] = t
+        for e in range(len(row)):
+            tangent[g, e] = whole[row[e], column[e]]

@@ -35,9 +35,9 @@ class SmallStrain:
         body.bear(*body.material.respond(strain, body.stress, body.remembered, body.parameters))
 
     def change(self, before: np.ndarray, after: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """What the step has changed of stress (n, dim, dim), Pa, per volume before it; rows (n,
-        components) before and after."""
-        return tensors.matrix(after - before, gradient.shape[1])
+        """What the step has changed of stress, Pa, per volume before it; rows (n, components), as
+        before and after."""
+        return after - before
 
     def energy(self, body) -> float:
         """Strain energy (J)."""
@@ -69,17 +69,23 @@ class FiniteStrain:
         """None of the response is linear."""
         return 0.0, 0.0
 
-    def respond(self, body, gradient: np.ndarray, volumetric: None = None) -> None:
-        """Give the points stress and history after the displacement gradients (n, dim, dim)."""
+    def respond(self, body, gradient: np.ndarray, volumetric: np.ndarray | None = None) -> None:
+        """Give the points stress and history after the displacement gradients (n, dim, dim);
+        ``volumetric`` (n,) strain, logarithmic, in place of the gradients' own."""
         J, rows = volume_ratio(body), np.arange(len(body), dtype=np.int32)
         strain, *_ = self.trial(
             self.state(body.material, J[:, None] * body.stress), gradient, rows, rows
         )
+        stretch = tensors.stretch(gradient)
+        if volumetric is not None:
+            with np.errstate(divide="ignore", invalid="ignore"):
+                strain[:, :3] += ((volumetric - np.log(stretch)) / 3.0)[:, None]
+            stretch = np.exp(volumetric)
         at_rest = np.zeros_like(strain)
         stress, history = body.material.respond(strain, at_rest, body.remembered, body.parameters)
         # ``deform`` names a point that turns inside out
         with np.errstate(divide="ignore", invalid="ignore"):
-            body.bear(stress / (J * tensors.stretch(gradient))[:, None], history)
+            body.bear(stress / (J * stretch)[:, None], history)
 
     def state(self, material, kirchhoff: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Elastic left Cauchy-Green tensors less 1, (n, dim, dim), of τ (n, components), Pa, and
@@ -101,8 +107,8 @@ class FiniteStrain:
         return out
 
     def change(self, before: np.ndarray, after: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-        """The same of the first Piola-Kirchhoff stress, σ J f⁻ᵀ after the step, f the step's own
-        deformation."""
+        """The same of the first Piola-Kirchhoff stress (n, dim, dim), σ J f⁻ᵀ after the step, f the
+        step's own deformation."""
         dim = gradient.shape[1]
         return tensors.matrix(after, dim) @ tensors.cofactor(gradient) - tensors.matrix(before, dim)
 

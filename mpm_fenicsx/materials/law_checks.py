@@ -20,7 +20,7 @@ NEEDED = {
     "history": "names of what it remembers, () for nothing",
     "parameters": "names of those that may differ from point to point, () for none",
     "length": "m, None where size plays no part",
-    "keeps_volume": "whether plastic flow does",
+    "keeps_volume": "whether flow keeps the volume, or ties it to shear",
     "moduli": "of stress and history, λ and μ, Pa",
     "respond": "of strain, stress, history and parameters",
     "energy": "of stress rows and history, J/m³",
@@ -67,7 +67,8 @@ def check_law(material, dim: int) -> None:
     """Raise ``ValueError`` for a material that a run in ``dim`` dimensions cannot take.
 
     One that lacks parts: all that are missing are named.  One that says that it is linear and is
-    not, or that its tangent is symmetric and is not.
+    not, or that its tangent is symmetric and is not.  A law that has ``check(dim)`` is asked that
+    first, and one that has ``check_pressure`` (Pa) and ``check_strain`` is tried there.
     """
     if isinstance(material, list | tuple):
         raise ValueError(f"material must be one object, got {material!r}")
@@ -102,6 +103,8 @@ def check_law(material, dim: int) -> None:
             raise ValueError(f"material: {type(material).__name__} of finite strain is not linear")
         _refuse_unless_linear(material, dim)
     else:
+        if hasattr(material, "check"):
+            material.check(dim)
         _refuse_unless_as_it_says(material, dim)
 
 
@@ -118,8 +121,9 @@ def _probes(dim: int) -> np.ndarray:
 
 def _refuse_unless_as_it_says(material, dim: int) -> None:
     """Ask a law for its tangent after strains of many sizes, and for its plastic work."""
-    strain = _probes(dim)
+    strain = _probes(dim) * (getattr(material, "check_strain", PROBES[-1]) / PROBES[-1])
     stress, name = np.zeros_like(strain), type(material).__name__
+    stress[:, :3] -= getattr(material, "check_pressure", 0.0)
     given = {"size": np.full(len(strain), material.length)} if material.length else {}
     try:
         history = np.asarray(material.initial_history(stress, given), float)
@@ -174,10 +178,11 @@ def _refuse_unless_as_it_says(material, dim: int) -> None:
 
 
 def _refuse_total_strain(material, dim: int) -> None:
-    """Ask for the stress after no strain at all: it is what it was, here a small pressure."""
+    """Ask for the stress after no strain at all: it is what it was, here a small pressure, or the
+    one under which the law is to be looked at."""
     λ, μ = material.lame
     before = np.zeros((1, tensors.components(dim)))
-    before[:, :3] = -AT_REST * (λ + 2 * μ / 3)
+    before[:, :3] = -(getattr(material, "check_pressure", 0.0) or AT_REST * (λ + 2 * μ / 3))
     given = {"size": np.full(1, material.length)} if material.length else {}
     history = np.asarray(material.initial_history(before, given), float)
     new, _, tangent = material.tangent(np.zeros_like(before), before.copy(), history, given)

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from ..common import tensors
+from ..common.compiled import compiles, jit
 from .kinematics import SMALL_STRAIN
 
 Given = Mapping[str, np.ndarray]
@@ -36,7 +37,11 @@ class Material(Protocol):
     they are not, ``given`` lacks them, and the law has a number of its own.
     ``length`` (m): the law depends on the size of a point's cell, which it then gets as
     ``given["size"]`` (m); None where size plays no part.
-    ``keeps_volume``: plastic flow does.
+    ``keeps_volume``: flow keeps the volume, or ties it to shear, or pore water does: elements lock
+    under such a law, and a run takes B-bar for it unless it is told not to.
+    ``check_pressure`` (Pa): the law is looked at under it, 0 for one that has stiffness without.
+    ``averaging``: an ``OverNonlocal`` by which the run averages the state variable "plastic_strain"
+    and gives it back as "nonlocal_strain", which the law leaves as it is; None for a local law.
     """
 
     density: float
@@ -48,6 +53,7 @@ class Material(Protocol):
     parameters: tuple[str, ...]
     length: float | None
     keeps_volume: bool
+    check_pressure: float
 
     def initial_history(self, stress: np.ndarray, given: Given = NOTHING) -> np.ndarray:
         """State variables (n, k) of points that start with ``stress`` (n, components), Pa.
@@ -106,6 +112,8 @@ class Law:
     parameters: tuple[str, ...] = ()
     length: float | None = None
     keeps_volume = False
+    check_pressure = 0.0
+    averaging: object | None = None
 
     @property
     def p_speed(self) -> float:
@@ -165,15 +173,47 @@ def given_at(given: Given, rows: np.ndarray | slice) -> Given:
     return {name: value[rows] for name, value in given.items()} if given else NOTHING
 
 
+def checked_rows(strain, stress, history, columns: int) -> tuple[np.ndarray, ...]:
+    """Strain and stress rows (n, components), history (n, columns), as compiled loops want them,
+    which do not look.  Raises ``ValueError`` for other shapes."""
+    strain, stress, history = (np.ascontiguousarray(a, float) for a in (strain, stress, history))
+    n = len(strain)
+    if strain.ndim != 2 or strain.shape[1] not in (4, 6):
+        raise ValueError(f"strain must have shape (n, 4) or (n, 6), got {strain.shape}")
+    for name, array, shape in (
+        ("stress", stress, strain.shape),
+        ("history", history, (n, columns)),
+    ):
+        if array.shape != shape:
+            raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+    return strain, stress, history
+
+
 def hooke(lame: tuple, strain: np.ndarray, stress: np.ndarray) -> np.ndarray:
     """Stress rows (n, components), Pa, after elastic increments ``strain`` (n, components) of λ and
     μ (Pa), two numbers or two (n,)."""
-    λ, μ = lame
-    new = stress.copy()
-    mean = λ * (strain[:, 0] + strain[:, 1] + strain[:, 2])
-    for k in range(stress.shape[1]):  # by columns: NumPy is slow along short rows
-        new[:, k] += 2 * μ * strain[:, k] + mean if k < 3 else μ * strain[:, k]
+    strain = np.broadcast_to(strain, stress.shape)
+    if not compiles(strain, stress):
+        λ, μ = (np.asarray(value)[..., None] for value in lame)
+        new = stress + μ * strain
+        new[:, :3] += μ * strain[:, :3] + λ * strain[:, :3].sum(axis=1, keepdims=True)
+        return new
+    λ, μ = (np.atleast_1d(np.asarray(value, float)) for value in lame)
+    new = np.empty(stress.shape)
+    _hooke(λ, μ, strain, stress, new)
     return new
+
+
+@jit
+def _hooke(λ, μ, strain, stress, new):
+    """σ + λ tr(Δε) 1 + 2 μ Δε, λ and μ (1,) or (n,)."""
+    for p in range(len(new)):
+        l, m = λ[p if len(λ) > 1 else 0], μ[p if len(μ) > 1 else 0]
+        mean = l * (strain[p, 0] + strain[p, 1] + strain[p, 2])
+        for k in range(3):
+            new[p, k] = stress[p, k] + (2.0 * m * strain[p, k] + mean)
+        for k in range(3, new.shape[1]):
+            new[p, k] = stress[p, k] + m * strain[p, k]
 
 
 def stiffness(lame: tuple, dim: int) -> np.ndarray:

@@ -11,10 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..common.checks import finite, positive
+from ..common.checks import an_object, finite, positive
 from ..common.compiled import jit
 from .elastic import LinearElastic, OnElastic
-from .material import NOTHING, Given
+from .material import NOTHING, Given, checked_rows
+from .over_nonlocal import AVERAGE, OverNonlocal
 
 SQRT3 = math.sqrt(3.0)
 SLACK = 1.0 + 1e-13  # of q²: a point at rest on the yield surface is elastic, whatever the rounding
@@ -128,11 +129,24 @@ def _tangent(strain, stress, history, lame, strength, out_stress, out_history, o
 
 @jit
 def _yields(strain, stress, history, at, of, lame, strength, rows):
-    """Write which of the pairs (strain row ``at``, state row ``of``) yield; return their number."""
-    trial = np.empty(strain.shape[1])
+    """Write which of the pairs (strain row ``at``, state row ``of``) yield; return their number.
+
+    q is a norm: a pair is within the surface where q of the state and q of the increment add up to
+    less than the strength, which spares it the sum of their rows.
+    """
+    none, trial = np.zeros(strain.shape[1]), np.empty(strain.shape[1])
+    grows, room = np.empty(len(strain)), np.empty(len(stress))
+    for e in range(len(strain)):
+        grows[e] = np.sqrt(_trial(strain[e], none, lame, trial)[1])
+    for p in range(len(stress)):
+        peak, residual, h = _of_point(strength, p)
+        limit = SQRT3 * max(residual, peak - h * history[p, 0])
+        room[p] = limit - np.sqrt(_trial(none, stress[p], lame, trial)[1])
     found = 0
     for m in range(len(at)):
         p = of[m]
+        if grows[at[m]] < room[p]:
+            continue
         q2 = _trial(strain[at[m]], stress[p], lame, trial)[1]
         peak, residual, h = _of_point(strength, p)
         c = max(residual, peak - h * history[p, 0])
@@ -150,11 +164,14 @@ class VonMises(OnElastic):
     κ); ``length`` (m), the cell size at which ``softening`` was found.  With it a point of size d
     softens with h d / length, so that a band one cell wide takes the same energy per area on every
     grid; ``size`` is then required, and has to stay the same through a point's life.  Without it
-    ``size`` is ignored.  ``peak`` and ``residual`` may be given point by point.
+    ``size`` is ignored.  ``averaging``, in place of ``length``: strengths go by the plastic strain
+    averaged over a length of its own, c = max(residual, peak - h (m κ̄ + (1 - m) κ)), in which the
+    run refreshes κ̄ between steps; where κ runs ahead of κ̄, c rises, beyond the peak too.
+    ``peak`` and ``residual`` may be given point by point.
 
-    The history is κ = ∫ √(⅔ dεᵖ:dεᵖ).  Flow is dεᵖ = dγ ∂q/∂σ = dγ 3s/2q, and s:s = ⅔ q², hence dκ
-    = dγ and σ:dεᵖ = q dκ; in simple shear κ = γᵖ/√3.  Backward Euler keeps the mean stress and the
-    direction of s:
+    The history is κ = ∫ √(⅔ dεᵖ:dεᵖ), with ``averaging`` also plastic work (J/m³) and κ̄.  Flow is
+    dεᵖ = dγ ∂q/∂σ = dγ 3s/2q, and s:s = ⅔ q², hence dκ = dγ and σ:dεᵖ = q dκ; in simple shear κ =
+    γᵖ/√3.  Backward Euler keeps the mean stress and the direction of s:
 
         q + 3μ Δκ = q_trial,  q = √3 c(κ + Δκ)
         softening  Δκ = (q_trial - √3 (peak - h κ)) / (3μ - √3 h)
@@ -162,8 +179,9 @@ class VonMises(OnElastic):
 
     c being the larger of two lines, Δκ is the smaller of the two roots.  It is the only one while
     3μ Δκ grows faster than √3 c falls, 3μ > √3 h; beyond, q would have to fall while the strain
-    runs back: snap-back. With r = q/q_trial, and b = √3 h/(3μ - √3 h) while softening or 0 at
-    residual, the tangent is
+    runs back: snap-back.  At a given κ̄ the same equations hold with peak - h m κ̄ and h (1 - m) in
+    place of peak and h, and there is none.  With r = q/q_trial, and b = √3 h/(3μ - √3 h) while
+    softening or 0 at residual, the tangent is
 
         K 1⊗1 + 2μ r I_dev - 3μ (r + b) s⊗s / q²   (s/q as in the trial).
 
@@ -176,8 +194,8 @@ class VonMises(OnElastic):
     residual: float
     softening: float
     length: float | None = None
+    averaging: OverNonlocal | None = None
 
-    history = ("plastic_strain",)
     parameters = ("peak", "residual")
     keeps_volume = True
 
@@ -194,11 +212,25 @@ class VonMises(OnElastic):
             raise ValueError(f"residual must not exceed peak = {self.peak}, got {self.residual}")
         if self.length is not None:
             object.__setattr__(self, "length", positive("length", self.length))
-        if not 3.0 * self.lame[1] - SQRT3 * self.softening > 0.0:
+        if self.averaging is not None:
+            an_object("averaging", self.averaging, OverNonlocal, "an OverNonlocal(length)")
+            if self.length is not None:
+                raise ValueError(
+                    "length must be None with averaging, which brings a length of its own, got "
+                    f"{self.length}"
+                )
+        elif not 3.0 * self.lame[1] - SQRT3 * self.softening > 0.0:
             limit = f"√3 G = {SQRT3 * self.lame[1]}"
             raise ValueError(
                 f"softening must stay below {limit}, where a point snaps back, got {self.softening}"
             )
+
+    @property
+    def history(self) -> tuple[str, ...]:
+        """Names of the state variables."""
+        if self.averaging is None:
+            return ("plastic_strain",)
+        return ("plastic_strain", "plastic_work", AVERAGE)
 
     @property
     def young(self) -> float:
@@ -231,10 +263,11 @@ class VonMises(OnElastic):
     def respond(
         self, strain, stress, history, given: Given = NOTHING
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Stress (n, components), Pa, and history (n, 1) after the strain increments ``strain`` (n,
+        """Stress (n, components), Pa, and history (n, k) after the strain increments ``strain`` (n,
         components)."""
         inputs, outputs = self._prepare(strain, stress, history, given)
         _respond(*inputs, *outputs)
+        self._add_work(inputs, outputs[1])
         return outputs
 
     def tangent(
@@ -245,6 +278,7 @@ class VonMises(OnElastic):
         inputs, outputs = self._prepare(strain, stress, history, given)
         out = np.empty((*outputs[0].shape, outputs[0].shape[1]))
         _tangent(*inputs, *outputs, out)
+        self._add_work(inputs, outputs[1])
         return *outputs, out
 
     def yields(self, strain, stress, history, at, of, given: Given = NOTHING) -> np.ndarray:
@@ -255,30 +289,37 @@ class VonMises(OnElastic):
         )
         rows = np.empty(len(at), np.int32)
         found = _yields(
-            strain, stress, history, at, of, self.lame, self._strengths(len(stress), given), rows
+            strain, stress, history, at, of, self.lame, self._strengths(history, given), rows
         )
         return rows[:found]
 
     def strength(self, history, given: Given = NOTHING) -> np.ndarray:
         """Yield value of q (n,), Pa."""
-        peak, residual, h = self._strengths(len(history), given)
-        return SQRT3 * np.maximum(residual, peak - h * history[:, 0])
+        return _strength(self._strengths(history, given), history[:, 0])
 
     def dissipation(self, before, after, given: Given = NOTHING) -> np.ndarray:
         """Plastic work per volume (n,), J/m³, between two histories: backward Euler, σ_after : Δεᵖ
         = q_after Δκ."""
+        if self.averaging is not None:
+            return after[:, 1] - before[:, 1]
         return self.strength(after, given) * (after[:, 0] - before[:, 0])
 
     def plastic_work(self, history, given: Given = NOTHING) -> np.ndarray:
-        """Plastic work per volume (n,), J/m³, since κ = 0: ∫ q dκ."""
+        """Plastic work per volume (n,), J/m³, since κ = 0: ∫ q dκ, with ``averaging`` the sum of
+        ``dissipation``, for κ̄ is no function of κ."""
+        if self.averaging is not None:
+            return history[:, 1]
         κ = history[:, 0]
-        peak, residual, h = self._strengths(len(κ), given)
+        peak, residual, h = self._strengths(history, given)
         soft = np.where(h * κ < peak - residual, κ, (peak - residual) / np.maximum(h, 1e-300))
         return SQRT3 * (peak * soft - 0.5 * h * soft**2 + residual * (κ - soft))
 
-    def _strengths(self, n: int, given: Given) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Peak, residual and softening, Pa, (n,) where they differ from point to point, else
-        (1,)."""
+    def _strengths(
+        self, history: np.ndarray, given: Given
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Peak, residual and softening, Pa, (n,) where they differ from point to point, else (1,):
+        those of c as a function of κ, at the κ̄ of the ``history`` (n, k)."""
+        n = len(history)
         peak, residual = (
             np.atleast_1d(np.asarray(given.get(name, getattr(self, name)), float))
             for name in self.parameters
@@ -297,18 +338,26 @@ class VonMises(OnElastic):
                     "peak must be positive, and residual from 0 to peak, at every point, got "
                     f"{values[0][bad[0]]} and {values[1][bad[0]]}"
                 )
-        return peak, residual, modulus
+        if self.averaging is None:
+            return peak, residual, modulus
+        weight = self.averaging.weight
+        return peak - modulus * weight * history[:, 2], residual, modulus * (1.0 - weight)
+
+    def _add_work(self, inputs: tuple, after: np.ndarray) -> None:
+        """Plastic work of the increments, where it is a state variable."""
+        if self.averaging is None:
+            return
+        before, strength = inputs[2], inputs[4]
+        after[:, 1] += _strength(strength, after[:, 0]) * (after[:, 0] - before[:, 0])
 
     def _prepare(self, strain, stress, history, given: Given):
         """Arrays of the kernels, refused unless their shapes agree: compiled loops do not look."""
-        strain, stress, history = (
-            np.ascontiguousarray(a, float) for a in (strain, stress, history)
-        )
-        n = len(strain)
-        if strain.ndim != 2 or strain.shape[1] not in (4, 6):
-            raise ValueError(f"strain must have shape (n, 4) or (n, 6), got {strain.shape}")
-        for name, array, shape in (("stress", stress, strain.shape), ("history", history, (n, 1))):
-            if array.shape != shape:
-                raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
-        inputs = strain, stress, history, self.lame, self._strengths(n, given)
-        return inputs, (np.empty_like(stress), np.empty_like(history))
+        strain, stress, history = checked_rows(strain, stress, history, len(self.history))
+        inputs = strain, stress, history, self.lame, self._strengths(history, given)
+        return inputs, (np.empty_like(stress), history.copy())
+
+
+def _strength(strengths: tuple, kappa: np.ndarray) -> np.ndarray:
+    """Yield value of q (n,), Pa, at κ (n,)."""
+    peak, residual, h = strengths
+    return SQRT3 * np.maximum(residual, peak - h * kappa)

@@ -261,6 +261,12 @@ def _arrays(label: str, recorder) -> dict[str, np.ndarray]:
 
 def _difference(found: dict[str, str], here: dict[str, str]) -> str | None:
     """The first thing in which a checkpoint's run is another one."""
+    name = "released cells"
+    if found.get(name) != here.get(name):
+        return (
+            f"its run had released {found.get(name, 0)} cells of its far fields, and this one has "
+            f"{here.get(name, 0)}: call run.release as that run did, then restart"
+        )
     for name in {**here, **found}:
         if found.get(name) != here.get(name):
             return f"{name} is {found.get(name)} in the checkpoint, and here {here.get(name)}"

@@ -69,6 +69,7 @@ class Probe(Series):
     fields: material points or, in a finite element run, cell centres for stress and nodes for the
     rest.  ``grid_stress`` is the mean of the stress on the grid (``run.stress_field``) over one
     cell's size around the place; for it the stress of all points is mapped anew at every step.
+    Once a sample has left the grid and was taken out (``on_exit=REMOVE``) the value is NaN.
     Raises ``ValueError`` for a field that is not known, or a place that is none or lies outside the
     body: by more than half a support domain from the outermost, or outside the mesh.
     """
@@ -97,7 +98,7 @@ class Probe(Series):
         h = _cell_size(run.grid)
         self._rows, self._weights = _nearest(places / h, self.at / h, run.grid.comm)
         self._start = self._read(self._rows) if self.field == "displacement" else np.zeros(())
-        self._of_all = None
+        self._of_all, self._gone = None, False
         numbers = run.numbers_of(self._samples, self._rows)
         if numbers is not None:
             like = self._start.shape[1:] or (1,)
@@ -117,7 +118,15 @@ class Probe(Series):
             self._rows, which = run.rows_of(self._samples, numbers)
             self._weights, self._start = weights[which], start[which]
             self._arrangement = run.arrangement
+            self._gone = run.grid.comm.allreduce(len(which)) < len(numbers)
+            if self._gone and not run.removed.points:
+                raise ValueError(
+                    f"Probe of {self.field} at {self.at} read nodes of a far field that has "
+                    "released them: record another after the release"
+                )
         value = run.grid.comm.allreduce(self._weights @ (self._read(self._rows) - self._start))
+        if self._gone:
+            value = np.full_like(value, np.nan)
         self.note(run, self._on_the_grid(run, value) if self.field == ON_THE_GRID else value)
 
     def _on_the_grid(self, run: Run, moved: np.ndarray) -> np.ndarray:
@@ -153,10 +162,11 @@ class Energy(Series):
     """Where the energy is (J; J per metre in plane strain).
 
     ``energy["work"]`` done by tractions and gravity, ``"kinetic"``, ``"strain"``, ``"plastic"``
-    work, ``"absorbed"`` by dashpots, ``"stored"`` in springs, and what other terms name: arrays
+    work, ``"absorbed"`` by dashpots, ``"stored"`` in springs, ``"supports"``, of material points
+    whose velocity fixed nodes have taken (``KnownVelocity``), and what other terms name: arrays
     (n,) since attaching.  What the scene does not have stays zero and costs nothing.
     ``names`` lists them.  ``lost`` is the rest of the balance: dissipation of the method, or its
-    error.
+    error, and what ``Fixed`` does where it moves the soil, which is not counted as work.
     """
 
     USUAL = ("work", "kinetic", "strain", "plastic", "absorbed", "stored")

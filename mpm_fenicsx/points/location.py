@@ -45,6 +45,7 @@ def enter(body: MaterialPoints, grid: Grid, migration: Migration | None = None) 
                 f"{name} of points must be {len(body)} rows of {numbers} finite numbers, got "
                 f"{value!r}"
             )
+    message = message or _fault_of_parameters(body)
     with together(grid.comm):
         if message:
             raise ValueError(message)
@@ -70,6 +71,22 @@ def enter(body: MaterialPoints, grid: Grid, migration: Migration | None = None) 
     if body.number is None:
         body.number = numbers_of(grid, body.x, cell)
     return cell
+
+
+def _fault_of_parameters(body: MaterialPoints) -> str | None:
+    """What is wrong with parameters that were given point by point, if anything is."""
+    known = (*body.material.parameters, "size")
+    for name, value in (body.parameters or {}).items():
+        if name not in known:
+            takes = ", ".join(body.material.parameters) or "none"
+            return (
+                f"parameters: {type(body.material).__name__} takes {takes} point by point, and not "
+                f"{name!r}"
+            )
+        bad = ~np.isfinite(np.asarray(value, float))
+        if bad.any():
+            return f"parameters: {name} is not a number at x={body.x[int(np.argmax(bad))]}"
+    return None
 
 
 def _once(body: MaterialPoints, origin: np.ndarray) -> np.ndarray:

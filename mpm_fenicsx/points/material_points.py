@@ -18,6 +18,7 @@ from ..common.ranks import together
 from ..grid.cells import SIDES
 from ..materials.law_checks import check_law
 from .cuts import inside_of_domains
+from .geostatic_stress import stress_at
 from .staircase import levels_of_a_slope
 from .surface_points import SurfacePoints
 
@@ -50,6 +51,8 @@ class MaterialPoints:
     # (n, dim), m: centres of the faces' domains, where jitter moved x away from them
     seat: np.ndarray | None = None
     mass: np.ndarray = field(init=False)
+    # (n, dim), m: how far points have jumped as they came in over tied sides; only where some are
+    jumped: np.ndarray | None = field(default=None, init=False)
     # (n,): which point it is, whatever rank it is on; only where a run has several ranks
     number: np.ndarray | None = field(default=None, init=False)
     _run_left: np.ndarray | None = field(default=None, init=False, repr=False)
@@ -179,6 +182,7 @@ class MaterialPoints:
         seed: int = 0,
         parameters: Mapping[str, Callable[[np.ndarray], np.ndarray]] | None = None,
         cut: bool = False,
+        stress: Callable[[np.ndarray], np.ndarray] | None = None,
     ) -> MaterialPoints:
         """Fill the cells of a grid with ``per_cell`` = k^dim evenly placed points each.
 
@@ -194,6 +198,8 @@ class MaterialPoints:
         and lies at its centre.  Without it points are whole, those with their centres inside, and
         slopes and curves become staircases, along which stress is wrong.  The edge of a body that
         is cut is none of its ``surface``: take ``SurfacePoints.line`` and its like.
+        ``stress``: a function of x (dim, n), m, to rows (n, components), Pa, at the start, such as
+        ``GeostaticStress``; none is zero.
         Raises ``ValueError`` for a body without points, a ``per_cell`` that is no k^dim, a ``seed``
         < 0, an ``inside`` that does not say True or False of each place, or ``cut`` points with
         jitter.
@@ -260,22 +266,29 @@ class MaterialPoints:
             x = x + jitter * (2.0 * uniform(seed, number, dim) - 1.0) * 2 * half
         with together(grid.comm, Exception):
             given = {name: _column(name, value, x) for name, value in (parameters or {}).items()}
+            borne = None if stress is None else stress_at(stress, x.T)
         if material.length:
             given["size"] = size
-        body = cls(material, x, half, volume, parameters=given, exposed=exposed, seat=seat)
+        more = {"parameters": given, "exposed": exposed, "seat": seat}
+        with together(grid.comm):
+            body = cls(material, x, half, volume, borne, **more)
         body._grid = weakref.ref(grid)
         return body
 
-    def stretches(self, gradient: np.ndarray, smooth: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def __repr__(self) -> str:
+        return f"MaterialPoints({len(self)} of {self.material!r})"
+
+    def stretches(
+        self, gradient: np.ndarray, stretch: np.ndarray, J: np.ndarray | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """Ratios of volumes (n,) and of the support domains' extents (n, dim) for displacement
         gradients (n, dim, dim).
 
-        Volumes follow ``gradient``; support domains follow ``smooth``, whose mean over neighbouring
-        domains leaves neither gap nor overlap between them.
+        Volumes follow ``gradient``, or are those of J (n,); support domains follow ``stretch`` (n,
+        dim), whose mean over neighbouring domains leaves neither gap nor overlap between them.
         Raises ``ValueError`` naming a point that turns inside out.
         """
-        J = tensors.stretch(gradient)
-        stretch = 1.0 + np.einsum("nii->ni", smooth)
+        J = tensors.stretch(gradient) if J is None else J
         if not (J.min(initial=1.0) > 0.0 and stretch.min(initial=1.0) > 0.0):
             p = int(
                 np.argmin(np.where(np.isfinite(J), np.minimum(J, stretch.min(axis=1)), -np.inf))

@@ -332,8 +332,8 @@ def _in_motion(number: int, body: MaterialPoints) -> str | None:
         if value is not None and np.any(value):
             return (
                 f"{name} of body {number} is not zero, and finite elements start unstressed and at "
-                'rest: give points as fill makes them, set run.nodal("velocity"), or go on from a '
-                "run with start"
+                'rest: give points as fill makes them, and stress=, set run.nodal("velocity"), or '
+                "go on from a run with start"
             )
     return None
 

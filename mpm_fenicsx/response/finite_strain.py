@@ -9,22 +9,26 @@ forms carry none of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import ufl
+from petsc4py import PETSc
 
 from ..common import tensors
 from ..common.ranks import together
 from ..dynamics.motion import Motion
 from ..grid import weak_forms
-from ..grid.gauss_points import GaussField, GaussPoints, measure
+from ..grid.cell_means import CellMeans
+from ..grid.gauss_points import GaussField, GaussPoints
 from ..mapping.double_mapping import add, pairs_of
 from ..mapping.projection import AT_POINTS, DOUBLE_MAPPED, Integration, Projection
 from ..mapping.shape_functions import Stencil
 from ..materials import hencky_strain
 from ..materials.kinematics import FINITE_STRAIN, SHEAR, deformation, volume_ratio
-from ..materials.material import given_at
+from ..materials.material import Given, given_at
 from ..points.material_points import MaterialPoints
+from .gradient_fields import GradientForms, GradientMeans, Law, product
 from .response import Response
 
 CHUNK = 4096  # pairs of a point and a Gauss point at a time: their tangents stay in the cache
@@ -36,33 +40,19 @@ class FiniteStrain(Response):
     Between the solves of a step it is exact; for the first it is linear in u.
     """
 
-    def __init__(self, motion: Motion, materials: Sequence):
-        super().__init__(motion, materials)
-        size, axes = motion.grid.dim**2, motion.grid.axes
-        self._numbers = size, len(tensors.entries(size, self.symmetric)[0])
-        self._layout = axes, SHEAR[motion.grid.dim], self._plane
+    def _law(self, material, history: np.ndarray, given: Given) -> Law:
+        """Hencky's strain (m, components) to τ, Pa, and ∂τ/∂ε."""
 
-    def _response(
-        self, material, states, gradient: np.ndarray, F: np.ndarray, at: np.ndarray, of: np.ndarray
-    ):
-        """P (m, dim²) and ∂P/∂F (m, entries) of pairs: deformation ``at`` and state ``of``.
+        def tangent(strain: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            τ, _, D = material.tangent(strain, np.zeros_like(strain), history, given)
+            return τ, D
 
-        ``states``: those of ``FINITE_STRAIN``, factors of P, history and parameters; ``gradient``:
-        f - 1 of the step; ``F`` the deformation of the configuration that P works in.
-        """
-        state, scale, history, given = states
-        strain, *eigen = FINITE_STRAIN.trial(state, gradient, at, of)
-        at_rest = np.zeros_like(strain)
-        τ, _, D = material.tangent(strain, at_rest, history[of], given_at(given, of))
-        stress, tangent = (np.empty((len(at), n)) for n in self._numbers)
-        hencky_strain.nominal(
-            self._layout, F, scale, (at, of), (τ, D), tuple(eigen), stress, tangent
-        )
-        return stress, tangent
+        return tangent
 
 
 def states_of(body: MaterialPoints):
-    """What ``FiniteStrain._response`` wants to know of the points of a body, before the step."""
+    """Those of ``FINITE_STRAIN``, factors of P, history and parameters of the points of a body,
+    before the step."""
     J = volume_ratio(body)
     return (
         FINITE_STRAIN.state(body.material, J[:, None] * body.stress),
@@ -72,40 +62,44 @@ def states_of(body: MaterialPoints):
     )
 
 
-def product(tangent: np.ndarray, gradient: np.ndarray) -> np.ndarray:
-    """A : ∇u (n, dim²), A given by its entries (n, …), of a symmetric one the upper triangle."""
-    size = gradient.shape[1] ** 2
-    symmetric = tangent.shape[1] < size**2
-    i, j = tensors.entries(size, symmetric)
-    full = np.empty((len(tangent), size, size))
-    full[:, i, j] = tangent
-    if symmetric:
-        full[:, j, i] = tangent
-    return np.einsum("nij,nj->ni", full, gradient.reshape(-1, size))
-
-
 class FiniteStrainAtGaussPoints(FiniteStrain):
-    """The same as fields at the Gauss points."""
+    """The same as fields at the Gauss points: of the gradient there, or with volume changes cell by
+    cell where there are ``means``."""
 
-    def __init__(self, motion: Motion, gauss: GaussPoints, materials: Sequence):
+    def __init__(
+        self,
+        motion: Motion,
+        gauss: GaussPoints,
+        materials: Sequence,
+        means: CellMeans | None = None,
+    ):
         super().__init__(motion, materials)
-        self.gauss, grid = gauss, motion.grid
-        self.stress, self.tangent = (GaussField(grid, n) for n in self._numbers)
-        dx, trial = measure(motion.region.dx), ufl.TrialFunction(grid.space)
-        self.work = weak_forms.nominal_work(self.stress.function, motion.w) * dx
-        self.stiffness = weak_forms.nominal_stiffness(self.tangent.function, trial, motion.w) * dx
+        kind = GradientForms if means is None else partial(GradientMeans, means)
+        self.gauss, self.means = gauss, means
+        self.fields, self.summed = kind(motion, gauss, self.symmetric), means is not None
+        self.stress, self.tangent = self.fields.stress, self.fields.tangent
+        self.work, self.stiffness = self.fields.work, self.fields.stiffness
 
     def clear(self) -> None:
         """The response linear about the start of the step, at the motion's u."""
         u = self.motion.nodal(self.motion.u)
         self._respond(np.zeros_like(u))
         if u.any():
-            self.stress.rows += product(self.tangent.rows, self.gauss.gradient(u))
+            self.fields.add_linear(u)
 
     def evaluate(self) -> bool:
         """Refresh everything for the motion's u."""
         self._respond(self.motion.nodal(self.motion.u))
         return True
+
+    def add_force(self, internal: np.ndarray) -> None:
+        """Add what is no form to the internal force (dofs,), N."""
+        u = self.motion.nodal(self.motion.u)
+        self.fields.add_force(u, internal.reshape(u.shape))
+
+    def add_stiffness(self, A: PETSc.Mat, fixed: np.ndarray) -> None:
+        """Add the derivative of that to the matrix."""
+        self.fields.add_stiffness(A, fixed)
 
 
 class FiniteStrainPoints(FiniteStrainAtGaussPoints):
@@ -113,33 +107,49 @@ class FiniteStrainPoints(FiniteStrainAtGaussPoints):
     reaches."""
 
     def __init__(
-        self, motion: Motion, gauss: GaussPoints, bodies: Sequence[tuple[MaterialPoints, Stencil]]
+        self,
+        motion: Motion,
+        gauss: GaussPoints,
+        bodies: Sequence[tuple[MaterialPoints, Stencil]],
+        means: CellMeans | None = None,
     ):
-        super().__init__(motion, gauss, [body.material for body, _ in bodies])
+        super().__init__(motion, gauss, [body.material for body, _ in bodies], means)
         self._bodies = bodies
+        self._before = np.zeros_like(self.stress.rows)
+        self._pressure = None if means is None else GaussField(motion.grid, 1)
 
     def place(self) -> None:
         """Find the pairs, and the states before the step."""
         self._pairs = [pairs_of(self.gauss, body, stencil) for body, stencil in self._bodies]
         self._states = [states_of(body) for body, _ in self._bodies]
+        fields = self.fields
+        self._before[:] = 0.0
+        for (body, _), (point, where, weight) in zip(self._bodies, self._pairs, strict=True):
+            add(where, weight, fields.stress_rows(body.stress)[point], self._before)
+        if self.means is not None:
+            pressure = self._pressure.rows[:, 0]
+            pressure[:] = self._before[:, -1]
+            self._pressure.gather()
+            fields.beside = [(-fields.in_cells(pressure), self.means.slopes)]
 
     def _respond(self, u: np.ndarray) -> None:
         self.stress.rows[:] = self.tangent.rows[:] = 0.0
-        gradient = self.gauss.gradient(u)
+        gradient, fields = self.gauss.gradient(u), self.fields
         f = deformation(gradient)
+        if self.means is not None:
+            fields.begin(gradient, self.means.log_stretch(u))
+            fields.slopes = self.means.pushed(u)
         with together(self.motion.grid.comm, Exception):
             for (body, _), pairs, states in zip(
                 self._bodies, self._pairs, self._states, strict=True
             ):
-                before = tensors.matrix(body.stress, body.dim).reshape(len(body), body.dim**2)
+                state, scale, history, given = states
                 for point, where, weight in _chunks(*pairs):
-                    stress, tangent = self._response(
-                        body.material, states, gradient, f, where, point
-                    )
-                    add(where, weight, stress - before[point], self.stress.rows)
+                    law = self._law(body.material, history[point], given_at(given, point))
+                    stress, tangent = fields.rows(law, state, scale, (gradient, f), (where, point))
+                    add(where, weight, stress, self.stress.rows)
                     add(where, weight, tangent, self.tangent.rows)
-        self.stress.gather()
-        self.tangent.gather()
+        fields.finish(f, self._before)
 
 
 def _chunks(*arrays: np.ndarray) -> Iterator[tuple[np.ndarray, ...]]:
@@ -165,7 +175,9 @@ class FiniteStrainSums(FiniteStrain):
         recover: Sequence[Callable[[np.ndarray], np.ndarray]],
     ):
         super().__init__(motion, [body.material for body, _ in bodies])
-        grid = motion.grid
+        grid, size = motion.grid, motion.grid.dim**2
+        self._numbers = size, len(tensors.entries(size, self.symmetric)[0])
+        self._layout = grid.axes, SHEAR[grid.dim], self._plane
         self._bodies, self._recover = bodies, recover
         self._force = np.zeros((grid.nodes, grid.dim))
         self._start, self._tangent = (
@@ -198,7 +210,9 @@ class FiniteStrainSums(FiniteStrain):
         for (body, stencil), recover, tangent in zip(
             self._bodies, self._recover, self._linear, strict=True
         ):
-            self._deposit(body, stencil, -product(tangent, recover(u)))
+            self._deposit(
+                body, stencil, -product(tangent, recover(u).reshape(len(body), body.dim**2))
+            )
         return True
 
     def add_force(self, internal: np.ndarray) -> None:
@@ -214,9 +228,7 @@ class FiniteStrainSums(FiniteStrain):
         ):
             gradient, rows = recover(u), np.arange(len(body), dtype=np.int32)
             with together(self.motion.grid.comm, Exception):
-                stress, tangent = self._response(
-                    body.material, states, gradient, deformation(gradient), rows, rows
-                )
+                stress, tangent = self._response(body.material, states, gradient, rows)
             self._deposit(
                 body, stencil, stress - tensors.matrix(body.stress, body.dim).reshape(stress.shape)
             )
@@ -224,6 +236,24 @@ class FiniteStrainSums(FiniteStrain):
             tangents.append(tangent)
         self._tangent.finish()
         return tangents
+
+    def _response(self, material, states, gradient: np.ndarray, rows: np.ndarray):
+        """P (n, dim²) and ∂P/∂F (n, entries) of points with the gradients of the step."""
+        state, scale, history, given = states
+        strain, *eigen = FINITE_STRAIN.trial(state, gradient, rows, rows)
+        law = self._law(material, history, given)(strain)
+        stress, tangent = (np.empty((len(rows), n)) for n in self._numbers)
+        hencky_strain.nominal(
+            self._layout,
+            deformation(gradient),
+            scale,
+            (rows, rows),
+            law,
+            tuple(eigen),
+            stress,
+            tangent,
+        )
+        return stress, tangent
 
     def _deposit(self, body: MaterialPoints, stencil: Stencil, stress: np.ndarray) -> None:
         force = body.volume[:, None] * stress
@@ -236,6 +266,7 @@ def finite_strain_of(
     stencils: Sequence[Stencil],
     integration: Integration,
     recover: Callable[[int, np.ndarray], np.ndarray],
+    means: CellMeans | None = None,
 ) -> FiniteStrain | None:
     """The response of those bodies that are of finite strain, None where there are none.
 
@@ -252,5 +283,5 @@ def finite_strain_of(
             )
     chosen = [(bodies[n], stencils[n]) for n in finite]
     if integration is DOUBLE_MAPPED:
-        return FiniteStrainPoints(motion, GaussPoints(motion.grid), chosen)
+        return FiniteStrainPoints(motion, GaussPoints(motion.grid), chosen, means)
     return FiniteStrainSums(motion, chosen, [lambda u, n=n: recover(n, u) for n in finite])

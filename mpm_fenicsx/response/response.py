@@ -5,21 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from petsc4py import PETSc
 
 from ..common import tensors
+from ..common.ranks import of_all
 from ..dynamics.motion import Motion
 from ..materials.material import given_at, hooke, stiffness
 
 
 class Response:
     """What laws add to the elastic response: ``work`` and ``stiffness`` as forms, or a force summed
-    at points.
+    at points or in cells; ``summed``: the stiffness is, too.
 
     ``symmetric``: whether the tangents of all ``materials`` are, so that half of them is carried.
     """
 
     work: object = 0
     stiffness: object = 0
+    summed = False
 
     def __init__(self, motion: Motion, materials: Sequence):
         self.motion = motion
@@ -35,11 +38,15 @@ class Response:
         """Refresh everything for the motion's u; True where anything yields on any rank."""
         self.clear()
         self._respond(self.motion.nodal(self.motion.u))
-        self.active = bool(self.motion.grid.comm.allreduce(int(self.active)))
+        self.active = bool(of_all(self.motion.grid.comm, int(self.active)))
         return self.active
 
     def add_force(self, internal: np.ndarray) -> None:
         """Add what is no form to the internal force (dofs,), N."""
+
+    def add_stiffness(self, A: PETSc.Mat, fixed: np.ndarray) -> None:
+        """Add the derivative of that to the matrix, but for rows and columns of ``fixed`` dofs
+        (dofs,), bool."""
 
     def inspect(self) -> None:
         """Raise ``ValueError`` where the step that is solved cannot be carried."""
@@ -64,8 +71,8 @@ class Response:
     def _law(
         self, material, strain, state, at, of, lame, every: bool = False
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Which pairs of strain ``at`` and state ``of`` yield; their stress beyond the reference of
-        ``lame``, and their tangent beyond it in the plane, as rows of ``tensors.entries``.
+        """Which pairs of strain ``at`` and state ``of`` yield; their stress (m, components) and
+        tangent (m, components, components) beyond the reference of ``lame``.
 
         ``every``: all do, for ``lame`` is not the reference that the law knows.
         """
@@ -77,6 +84,4 @@ class Response:
         ε, σ = strain[at], stress[of]
         new, _, tangent = material.tangent(ε, σ, history[of], given_at(given, of))
         lame = tuple(value if np.ndim(value) == 0 else value[of] for value in lame)
-        i, j = tensors.entries(len(self._plane), self.symmetric)
-        beyond = tangent - stiffness(lame, self.motion.grid.dim)
-        return rows, new - hooke(lame, ε, σ), beyond[:, self._plane[i], self._plane[j]]
+        return rows, new - hooke(lame, ε, σ), tangent - stiffness(lame, self.motion.grid.dim)

@@ -11,40 +11,55 @@ itself instead of to its moduli.  Where nothing yields both are zero and the ste
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
-import ufl
+from petsc4py import PETSc
 
 from ..common import tensors
 from ..common.ranks import together
 from ..dynamics.motion import Motion
-from ..grid import weak_forms
-from ..grid.gauss_points import GaussField, GaussPoints, measure
+from ..grid.cell_means import CellMeans
+from ..grid.gauss_points import GaussPoints
 from ..mapping.double_mapping import add, pairs_of
 from ..mapping.shape_functions import Stencil
 from ..materials.material import Given, hooke
 from ..points.material_points import MaterialPoints
 from .cell_materials import CellMaterials, MaterialRows, put_together
 from .response import Response
+from .strain_fields import StrainForms, StrainMeans
 
 
 class YieldingAtGaussPoints(Response):
-    """The same as fields at the Gauss points."""
+    """The same as fields at the Gauss points: of strain there, or with volume changes cell by cell
+    where there are ``means``."""
 
-    def __init__(self, motion: Motion, gauss: GaussPoints, materials: Sequence):
+    def __init__(
+        self,
+        motion: Motion,
+        gauss: GaussPoints,
+        materials: Sequence,
+        means: CellMeans | None = None,
+    ):
         super().__init__(motion, materials)
-        self.gauss, grid = gauss, motion.grid
-        entries, _ = tensors.entries(len(self._plane), self.symmetric)
-        self.stress = GaussField(grid, len(self._plane))
-        self.tangent = GaussField(grid, len(entries))
-        dx, trial = measure(motion.region.dx), ufl.TrialFunction(grid.space)
-        self.work = weak_forms.plastic_work(self.stress.function, motion.w) * dx
-        self.stiffness = weak_forms.plastic_stiffness(self.tangent.function, trial, motion.w) * dx
+        kind = StrainForms if means is None else partial(StrainMeans, means)
+        self.gauss, self.summed = gauss, means is not None
+        self.fields = kind(motion, gauss, self.symmetric)
+        self.stress, self.tangent = self.fields.stress, self.fields.tangent
+        self.work, self.stiffness = self.fields.work, self.fields.stiffness
 
     def clear(self) -> None:
         """Nothing yields."""
         super().clear()
         self.stress.rows[:] = self.tangent.rows[:] = 0.0
+
+    def add_force(self, internal: np.ndarray) -> None:
+        """Add what is no form to the internal force (dofs,), N."""
+        self.fields.add_force(self.motion.nodal(self.motion.u), _by_nodes(internal, self.motion))
+
+    def add_stiffness(self, A: PETSc.Mat, fixed: np.ndarray) -> None:
+        """Add the derivative of that to the matrix."""
+        self.fields.add_stiffness(A, fixed)
 
 
 class YieldingPoints(YieldingAtGaussPoints):
@@ -59,13 +74,14 @@ class YieldingPoints(YieldingAtGaussPoints):
         gauss: GaussPoints,
         bodies: Sequence[MaterialPoints],
         stencils: Sequence[Stencil],
+        means: CellMeans | None = None,
     ):
         self._bodies = [
             (body, stencil)
             for body, stencil in zip(bodies, stencils, strict=True)
             if not body.material.linear
         ]
-        super().__init__(motion, gauss, [body.material for body, _ in self._bodies])
+        super().__init__(motion, gauss, [body.material for body, _ in self._bodies], means)
         self._pairs: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
 
     def place(self) -> None:
@@ -73,7 +89,7 @@ class YieldingPoints(YieldingAtGaussPoints):
         self._pairs = [pairs_of(self.gauss, body, at) for body, at in self._bodies]
 
     def _respond(self, u: np.ndarray) -> None:
-        strain = self.gauss.strain(u)
+        strain, fields = self.fields.strain(u), self.fields
         with together(self.motion.grid.comm, Exception):
             for (body, _), (point, where, weight) in zip(self._bodies, self._pairs, strict=True):
                 law, state = body.material, (body.stress, body.remembered, body.parameters)
@@ -81,8 +97,9 @@ class YieldingPoints(YieldingAtGaussPoints):
                 rows, stress, tangent = self._law(law, strain, state, where, point, lame)
                 if len(rows):
                     self.active = True
-                    add(where[rows], weight[rows], stress[:, self._plane], self.stress.rows)
-                    add(where[rows], weight[rows], tangent, self.tangent.rows)
+                    at, part = where[rows], weight[rows]
+                    add(at, part, fields.stress_rows(stress), self.stress.rows)
+                    add(at, part, fields.tangent_rows(tangent), self.tangent.rows)
         self.stress.gather()
         self.tangent.gather()
 
@@ -90,13 +107,23 @@ class YieldingPoints(YieldingAtGaussPoints):
 class YieldingElements(YieldingAtGaussPoints):
     """The laws at the Gauss points of finite elements.
 
-    These carry stress (points, components), Pa, and history (points, columns of the longest).
+    These carry stress (points, components), Pa, at the start that which is given or none, and
+    history (points, columns of the longest).
     """
 
-    def __init__(self, motion: Motion, gauss: GaussPoints, materials: CellMaterials):
-        super().__init__(motion, gauss, materials.materials)
+    def __init__(
+        self,
+        motion: Motion,
+        gauss: GaussPoints,
+        materials: CellMaterials,
+        means: CellMeans | None = None,
+        stress: np.ndarray | None = None,
+    ):
+        super().__init__(motion, gauss, materials.materials, means)
         self.parts = materials.parts(gauss.digit.shape[1])
         self.state = np.zeros((len(gauss), tensors.components(motion.grid.dim)))
+        if stress is not None:
+            self.state[:] = stress
         self.size = gauss.size if any(law.length for law in materials.materials) else None
         self.history = first_history(motion.grid.comm, self.parts, self.state, self.size)
         # what the strain so far would give without yielding
@@ -105,9 +132,8 @@ class YieldingElements(YieldingAtGaussPoints):
     def clear(self) -> None:
         """Nothing yields in this step; what yielded before stays."""
         super().clear()
-        self.stress.rows[:] = (1.0 + self.motion.stepping.start) * (self.state - self._elastic)[
-            :, self._plane
-        ]
+        beyond = (1.0 + self.motion.stepping.start) * (self.state - self._elastic)
+        self.stress.rows[:] = self.fields.stress_rows(beyond)
 
     def _state(self, part: MaterialRows) -> tuple[np.ndarray, np.ndarray, Given]:
         """Stress, history and parameters of one material's Gauss points."""
@@ -115,7 +141,7 @@ class YieldingElements(YieldingAtGaussPoints):
         return self.state[rows], part.columns(self.history)[rows], part.given(self.size, rows)
 
     def _respond(self, u: np.ndarray) -> None:
-        strain = self.gauss.strain(u)
+        strain, fields = self.fields.strain(u), self.fields
         with together(self.motion.grid.comm, Exception):
             for part in self.parts:
                 law, every = part.material, part.count
@@ -130,8 +156,8 @@ class YieldingElements(YieldingAtGaussPoints):
                 if len(rows):
                     self.active = True
                     at = part.numbers[rows]
-                    self.stress.rows[at] += stress[:, self._plane]
-                    self.tangent.rows[at] += tangent
+                    self.stress.rows[at] += fields.stress_rows(stress)
+                    self.tangent.rows[at] += fields.tangent_rows(tangent)
 
     def memory(self) -> dict[str, np.ndarray]:
         """Arrays that a restart needs, not copied."""
@@ -139,7 +165,7 @@ class YieldingElements(YieldingAtGaussPoints):
 
     def carry(self) -> None:
         """State at the end of the step."""
-        strain = self.gauss.strain(self.motion.nodal(self.motion.u))
+        strain = self.fields.strain(self.motion.nodal(self.motion.u))
 
         def respond(part: MaterialRows) -> tuple[np.ndarray, ...]:
             law, mine = part.material, strain[part.rows]
@@ -155,6 +181,11 @@ class YieldingElements(YieldingAtGaussPoints):
         """Strain energy and plastic work (J) of the first ``cells`` cells."""
         points = cells * self.gauss.digit.shape[1]
         return energies(self.parts, points, self.gauss.volume, self.state, self.history, self.size)
+
+
+def _by_nodes(values: np.ndarray, motion: Motion) -> np.ndarray:
+    """Values (dofs,) as (nodes, dim), a view."""
+    return values.reshape(-1, motion.grid.dim)
 
 
 def first_history(

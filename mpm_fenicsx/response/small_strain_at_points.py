@@ -73,8 +73,9 @@ class YieldingAtPoints(Response):
                 lame = law.kinematics.moduli(body)
                 rows, stress, tangent = self._law(law, strain, state, every, every, lame)
             self.active = self.active or len(rows) > 0
-            beyond, moduli = np.zeros_like(body.stress), np.zeros((len(body), tangent.shape[1]))
-            beyond[rows], moduli[rows] = stress, tangent
+            i, j = tensors.entries(len(self._plane), self.symmetric)
+            beyond, moduli = np.zeros_like(body.stress), np.zeros((len(body), len(i)))
+            beyond[rows], moduli[rows] = stress, tangent[:, self._plane[i], self._plane[j]]
             force = body.volume[:, None, None] * tensors.matrix(beyond, body.dim)
             stencil.deposit_divergence(force, self._force)
             self._tangent.add(stencil, body.volume[:, None] * moduli)

@@ -12,8 +12,9 @@ from dolfinx import fem
 from ufl import inner
 
 from ..common import tensors
-from ..common.checks import an_object
+from ..common.checks import an_object, check_flags
 from ..common.compiled import digits
+from ..common.ranks import together
 from ..common.spread import Part, Spread
 from ..dynamics.motion import Motion
 from ..dynamics.time_stepping import Newmark, QuasiStatic
@@ -23,26 +24,31 @@ from ..grid.grid import Grid
 from ..grid.stress_field import StressField
 from ..mapping.methods import Mapping as PointMapping
 from ..materials.law_checks import check_law
+from ..points.geostatic_stress import stress_at
 from ..points.inside import in_mesh
 from ..response.cell_materials import CellMaterials
 from ..response.finite_strain_elements import FiniteStrainElements
+from ..response.nonlocal_strain import averages_of_elements
 from ..response.response import Response
 from ..response.small_strain import YieldingElements
 from ..solver.equilibrium import Equilibrium
 from ..solver.solver import Solver
 from ..terms.body import elastic_work, elasticity, inertia
 from ..terms.doubtful_boundaries import warn_of_doubtful
+from ..terms.doubtful_ground import warn_of_other_ground
 from ..terms.meeting_supports import refuse_disagreement
 from ..terms.scene import Scene
-from .b_bar_checks import warn_of_laws
+from ..terms.tied import tied_sides
+from .doubtful_soil import warn_of_locking
 from .identity import described
-from .options import InitialAcceleration, check_start, crossings, solver_of_today
+from .options import InitialAcceleration, check_start, chosen_b_bar, crossings, solver_of_today
 from .run import Run
-from .scene_checks import check_flags
 
 ALIKE = 1e-2
 """Of the largest acceleration: by no more does that of a run before differ from the balance of its
 own loads."""
+COPIES = 1e-9
+"""Of the largest value: so far copies of a node of tied sides may be apart at the start."""
 
 
 class FiniteElements(Run):
@@ -62,6 +68,8 @@ class FiniteElements(Run):
     and acceleration (a quasi-static one is at rest), and what springs have accumulated on the same
     facets; springs on other facets start unstressed, surface points carry theirs.  Time is 0 again:
     loads are asked from there on, and ``Fixed`` moves by what its value changes from there on.
+    ``stress``: that at the start, where displacement is zero: a function of x (dim, n), m, to rows
+    (n, components), Pa, such as ``GeostaticStress``, asked at the Gauss points.
     Raises ``ValueError`` naming what is wrong.
     """
 
@@ -73,16 +81,19 @@ class FiniteElements(Run):
         terms: Sequence,
         reassemble: bool = False,
         solver: Solver | None = None,
-        b_bar: bool = False,
+        b_bar: bool | None = None,
         start: FiniteElements | None = None,
         initial_acceleration: InitialAcceleration = InitialAcceleration.BALANCED,
+        stress: Callable[[np.ndarray], np.ndarray] | None = None,
         **old,
     ):
         super().__init__("FE", grid, stepping, terms)
         solver = self.solver = solver_of_today("FiniteElements", solver, old)
         if isinstance(reassemble, PointMapping):
             raise ValueError(f"finite elements take no mapping, got {reassemble}: leave it out")
-        check_flags(reassemble=reassemble, b_bar=b_bar)
+        check_flags(reassemble=reassemble)
+        if b_bar is not None:
+            check_flags(b_bar=b_bar)
         if solver.reuse:
             raise ValueError(
                 f"reuse of Solver is for material points, got {solver.reuse}: without reassemble "
@@ -92,6 +103,9 @@ class FiniteElements(Run):
         materials = self.materials = CellMaterials.of(grid, material)
         for law in materials.materials:
             check_law(law, grid.dim)
+        asked, b_bar = b_bar, chosen_b_bar(b_bar, materials.materials)
+        if asked is None and not b_bar:
+            warn_of_locking(grid.comm, materials.materials, "FiniteElements")
         self.material, self.b_bar = materials.one, b_bar
         self.initial_acceleration = initial_acceleration
         self.reassemble = reassemble or materials.finite
@@ -106,6 +120,7 @@ class FiniteElements(Run):
             of_material=self._fields_of,
             b_bar=b_bar,
             at_rest=True,
+            sides=tied_sides(grid, self.terms),
         )
         scene.take_cells(self.terms)
         motion.region.leave_out(scene.not_the_body())
@@ -119,10 +134,19 @@ class FiniteElements(Run):
         others += scene.bind(self.terms)
         self.contributions = [body, *others]
         refuse_disagreement(scene)
-        warn_of_doubtful(grid, self.terms)
-        if b_bar:
-            warn_of_laws(grid.comm, materials.materials)
-        self.yielding = self._can_yield()
+        warn_of_doubtful(scene, self.terms)
+        if scene.plain:
+            of = np.array([(law.density, *law.lame) for law in materials.materials])
+            inside = materials.number >= 0
+            warn_of_other_ground(scene, np.where(inside, of[materials.number].T, 0.0))
+        self.yielding = self._can_yield(stress, start)
+        self.averages = []
+        if self.yielding is not None:
+            self.averages = averages_of_elements(
+                motion, self.yielding.gauss, materials, self.yielding.parts
+            )
+        for average in self.averages:
+            average.warn_of_size()
         self.equilibrium = Equilibrium(
             motion,
             body,
@@ -132,6 +156,7 @@ class FiniteElements(Run):
             self.yielding,
             factored=not reassemble,
             crossings=crossings(grid, materials.materials),
+            sides=scene.sides,
         )
         self._goes_on = start is not None
         if start is not None:
@@ -142,9 +167,13 @@ class FiniteElements(Run):
         lines = [
             f"finite elements on {self.grid.cells} cells in {self.grid.dim}D",
             f"step: {self.stepping}",
+            *map(str, self.averages),
             f"solver: {self.equilibrium}",
         ]
-        return "\n".join([*lines, *(f"term: {type(term).__name__}" for term in self.terms)])
+        for term, contribution in zip(self.terms, self.scene.contributions, strict=False):
+            note = f": {contribution.note}" if contribution.note else ""
+            lines.append(f"term: {type(term).__name__}{note}")
+        return "\n".join(lines)
 
     def _fields_of(self, material) -> tuple:
         """ρ, λ and μ of one material, zero in cells of others."""
@@ -157,19 +186,30 @@ class FiniteElements(Run):
         ]
         return tuple(self.materials.field(values) for values in zip(*numbers, strict=True))
 
-    def _can_yield(self) -> Response | None:
-        """What yielding or finite strain adds to the step, where a material is of that kind."""
-        if self.materials.finite:
-            if self.b_bar:
-                raise ValueError(f"b_bar is for small strain only, got {self.material!r}")
-            return FiniteStrainElements(self.motion, GaussPoints(self.grid), self.materials)
-        if all(law.linear for law in self.materials.materials):
+    def _can_yield(self, stress: Callable | None, start: FiniteElements | None) -> Response | None:
+        """What yielding, finite strain or stress at the start adds to the step, if anything."""
+        if stress is not None and start is not None:
+            raise ValueError("stress at the start is that of start where start is given: give one")
+        stressed = stress is not None or getattr(start, "yielding", None) is not None
+        if all(law.linear for law in self.materials.materials) and not stressed:
             return None
-        return YieldingElements(self.motion, GaussPoints(self.grid, self.b_bar), self.materials)
+        gauss, rows = GaussPoints(self.grid), None
+        if stress is not None:
+            if self.scene.plain:
+                raise ValueError(
+                    "stress at the start is not for runs with FarField or AbsorbingLayer, whose "
+                    "cells start without: let a static run find it and go on from it by start="
+                )
+            with together(self.grid.comm, Exception):
+                rows = stress_at(stress, gauss.x.T)
+        kind = FiniteStrainElements if self.materials.finite else YieldingElements
+        means = gauss.means() if self.b_bar else None
+        return kind(self.motion, gauss, self.materials, means, rows)
 
     def begin(self) -> None:
         """Before the first step: the acceleration of the balance of forces, unless one is given."""
         motion = self.motion
+        self._check_copies()
         there = self.stepping.dynamic and self.grid.comm.allreduce(int(motion.a.x.array.any()))
         step = self.stepping
         # not so in generalised α
@@ -197,6 +237,23 @@ class FiniteElements(Run):
         ):  # else the loads are those of the run before, which goes on bit for bit
             motion.a.x.array[:] = balanced
 
+    def _check_copies(self) -> None:
+        """Raise ``ValueError``, on all ranks, where nodes of tied sides start apart; else they
+        start alike to the last bit."""
+        if self.scene.sides is None:
+            return
+        for name, f in self._nodal_fields().items():
+            values = self.motion.nodal(f)
+            apart = self.scene.sides.differs(values)
+            size = self.grid.comm.allreduce(np.abs(values).max(initial=0.0), MPI.MAX)
+            if apart > COPIES * size:
+                raise ValueError(
+                    f"{name} of nodes that lie opposite each other on tied sides differs by "
+                    f"{apart:.3g} at the start: give both the same"
+                )
+            if name != "increment" and apart > 0.0:
+                self.equilibrium.ties.follow(f)
+
     def attempt(self, start: float, end: float, stepping: Newmark | QuasiStatic) -> None:
         """Solve for the displacement from ``start`` to ``end`` (s)."""
         motion = self.motion
@@ -218,6 +275,8 @@ class FiniteElements(Run):
         self.displacement.x.array[:] += motion.u.x.array
         if self.yielding is not None:
             self.yielding.carry()
+        for average in self.averages:
+            average.refresh(self.yielding.history)
         self.scene.carry()
         self.collect()
 
@@ -378,7 +437,7 @@ class FiniteElements(Run):
 
     @cached_property
     def _gauss(self) -> GaussPoints:
-        return GaussPoints(self.grid, self.b_bar) if self.yielding is None else self.yielding.gauss
+        return GaussPoints(self.grid) if self.yielding is None else self.yielding.gauss
 
     def gauss_places(self) -> np.ndarray:
         """Where the Gauss points are at rest (points, dim), m: 2^dim a cell, cell after cell."""
@@ -390,7 +449,8 @@ class FiniteElements(Run):
             return self.yielding.state
         gauss = self._gauss
         cells = np.repeat(np.arange(self.grid.cells), gauss.digit.shape[1])
-        strain = gauss.strain(self.nodal("displacement"))
+        means = gauss.means() if self.b_bar else None
+        strain = gauss.strain(self.nodal("displacement"), means)
         if self.yielding is not None:
             return self._with_far_fields(self.yielding.state, cells, strain)
         found = self.materials.elastic_stress(cells, strain)

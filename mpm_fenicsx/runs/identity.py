@@ -19,11 +19,13 @@ FEW = 6
 
 def described(thing) -> str:
     """Numbers as they are, arrays by shape and fingerprint, functions by name alone: what is in
-    them is not seen."""
+    them is not seen.  Fields that do not count in comparisons are left out: a library's path."""
     if dataclasses.is_dataclass(thing) and not isinstance(
         thing, GridSurface | SurfacePoints | type
     ):
-        parts = {f.name: getattr(thing, f.name, None) for f in dataclasses.fields(thing)}
+        parts = {
+            f.name: getattr(thing, f.name, None) for f in dataclasses.fields(thing) if f.compare
+        }
         return f"{type(thing).__name__}({_together(parts)})"
     if thing is None or isinstance(thing, str | bool):
         return repr(thing)

@@ -89,6 +89,7 @@ PAPER = {
         mass=DOUBLE_MAPPED,
         sweeps=0,
         correction=AccelerationCorrection.OFF,
+        b_bar=False,
         hold_cut_cells=False,
     ),
     "initial_acceleration": InitialAcceleration.ZERO,
@@ -176,6 +177,11 @@ def nodes_of(grid: Grid, cells: Sequence[np.ndarray]) -> int:
     for cell in cells:
         held[dolfinx_versions.cell_dofs(grid.space)[cell]] = True
     return grid.comm.allreduce(int(held[: grid.space.dofmap.index_map.size_local].sum()))
+
+
+def chosen_b_bar(asked: bool | None, materials: Sequence, able: bool = True) -> bool:
+    """What is asked for; where that is None, whether a law needs it and the method is ``able``."""
+    return able and any(law.keeps_volume for law in materials) if asked is None else asked
 
 
 def chosen_correction(

@@ -23,6 +23,7 @@ def release(run, where: Callable, per_cell: int | None = None, material=None) ->
 
     ``material``: that of the points, by default the far field's, of which the cells must then have
     one.  The new body is the last of ``run.bodies``, and is returned.  Collective.
+    A checkpoint of the run is for one that has released the same cells, before ``restart``.
     Raises ``ValueError`` for cells of no far field, or of several materials.
     """
     grid, dim = run.grid, run.grid.dim
@@ -70,6 +71,7 @@ def release(run, where: Callable, per_cell: int | None = None, material=None) ->
     for part in run.scene.plain:
         part.trim()
     run.arrangement += 1
+    run.released += grid.comm.allreduce(int(marks[: grid.owned_cells].sum()))
     for recorder in run.recorders:
         if hasattr(recorder, "moved"):
             recorder.moved(run)

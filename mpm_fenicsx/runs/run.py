@@ -94,7 +94,8 @@ class Run(Statics):
     def begin(self) -> None:
         """What is to be done once, before the first step."""
 
-    def _begin_once(self) -> None:
+    def begin_once(self) -> None:
+        """Do what is to be done before the first step, where that has not been done."""
         if not self._begun:
             self.begin()
             self._begun = True
@@ -108,7 +109,7 @@ class Run(Statics):
         """
         self.check_supports()
         with self.reported():
-            self._begin_once()
+            self.begin_once()
             self.advance(self.time, self.next_time)
         self.finish()
 

@@ -66,13 +66,6 @@ def refuse_other_scenes(comm, words: Sequence[str]) -> None:
                 )
 
 
-def check_flags(**flags) -> None:
-    """Raise ``ValueError`` naming what is neither True nor False."""
-    for name, value in flags.items():
-        if value not in (True, False):
-            raise ValueError(f"{name} must be True or False, got {value!r}")
-
-
 def pairs_of(bodies: Sequence, run: type, surface: type) -> list[tuple]:
     """Pairs of a run and a surface, two or more.  Raises ``ValueError`` for what are none."""
     wanted = f"bodies: contact takes two or more pairs ({run.__name__}, {surface.__name__}), got"

@@ -52,7 +52,9 @@ class Statics:
         if any(contribution.holds for contribution in self.scene.contributions):
             self._supported = True
             return
-        message = free_motion(self.grid, self.filled_cells(), self.equilibrium.fixed)
+        message = free_motion(
+            self.grid, self.filled_cells(), self.equilibrium.fixed, self.scene.sides
+        )
         if message:
             raise ValueError(
                 f"terms: {message}; a quasi-static run needs Fixed on facets of the grid that the "
@@ -74,7 +76,7 @@ class Statics:
         self._at_rest("settle")
         self.check_supports()
         tolerance, steps = positive("tolerance", tolerance), whole("steps", steps)
-        self._begin_once()
+        self.begin_once()
         found = [self.balance()[1]]
         while not found[-1] <= tolerance:
             stalls = _stalls(found)

@@ -24,7 +24,7 @@ layer can absorb what reaches its edges::
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -102,6 +102,8 @@ class Foundation:
     ``step`` (s); ``loading``: ``Traction``, or ``DeadLoad`` that keeps its force; ``more`` terms.
     ``box``: width and depth (m), whole cells, of the soil under the strip; outside of it is a far
     field of elastic finite elements, which follows what settles.  All is soil, if None.
+    ``b_bar``: whether volume changes by the means of cells, as it does by default for soil that
+    yields (None); the paper's does without.
     Raises ``ValueError`` for a boundary of another name, and for a box that does not end on grid
     lines inside the body.
     """
@@ -116,6 +118,7 @@ class Foundation:
     law: mpm.Law | None = None
     more: tuple = ()
     box: tuple[float, float] | None = None
+    b_bar: bool | None = False
 
     def __post_init__(self) -> None:
         if self.boundary not in (*BOUNDARIES, LAYER):
@@ -182,6 +185,7 @@ class Foundation:
         def surface(*sides, where=None):
             return grid.facets("strip") if where else grid.facets(*sides)
 
+        options = {"b_bar": self.b_bar, **options}
         return mpm.FiniteElements(
             grid, self.soil, mpm.Newmark(self.step), self.terms(surface, grid), **options
         )
@@ -248,4 +252,6 @@ class Foundation:
             inside=self.in_box,
         )
         scene = self.terms(points.surface, grid)
+        if mapping.b_bar is None and mapping.integrate is mpm.DOUBLE_MAPPED:
+            mapping = replace(mapping, b_bar=self.b_bar)
         return kind(grid, points, mpm.Newmark(self.step), scene, mapping, **options)

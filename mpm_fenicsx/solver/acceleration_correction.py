@@ -3,17 +3,14 @@ bear."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 
 import numpy as np
 from dolfinx import fem
 
 from ..grid import dolfinx_versions
-from ..mapping.internal_force import InternalForce
 from ..mapping.methods import AccelerationCorrection
-from ..mapping.shape_functions import Stencil
 from ..mapping.velocities import Deposit
-from ..points.material_points import MaterialPoints
 from .equilibrium import Equilibrium
 
 
@@ -27,29 +24,27 @@ class Correction:
     proportion to Δt, the more so where K locks.
     """
 
-    def __init__(self, equilibrium: Equilibrium, stress: InternalForce):
-        self._equilibrium, self._stress = equilibrium, stress
+    def __init__(self, equilibrium: Equilibrium):
+        self._equilibrium = equilibrium
         equilibrium.foresee()
         self._force = fem.Function(equilibrium.motion.grid.space)
 
     def correct(
         self,
         end: tuple[np.ndarray, np.ndarray],
-        bodies: Sequence[MaterialPoints],
-        stencils: Sequence[Stencil],
-        changes: Sequence[np.ndarray],
+        add_change: Callable[[np.ndarray], None],
     ) -> None:
         """Correct velocity and acceleration (nodes, dim) at the end of the step.
 
-        ``changes``: of the bodies' stress (n, dim, dim), Pa, per volume before the step and against
-        gradients there.
+        ``add_change`` adds ΔF to nodal forces (nodes, dim), N: of the change of the points' stress,
+        per volume before the step and against gradients there.
         """
         equilibrium, stepping = self._equilibrium, self._equilibrium.motion.stepping
         force = equilibrium.motion.nodal(self._force)
         force[:] = 0.0
         equilibrium.add_foreseen(self._force)
         np.negative(force, out=force)
-        self._stress.add(bodies, stencils, force, changes)
+        add_change(force)
         dolfinx_versions.gather(self._force)
         self._force.x.array[equilibrium.fixed] = 0.0
         change = self._acceleration(self._force.x.array).reshape(force.shape)
@@ -71,15 +66,17 @@ class LumpedCorrection(Correction):
     def __init__(
         self,
         equilibrium: Equilibrium,
-        stress: InternalForce,
         deposit: Deposit,
         beside: np.ndarray | float = 0.0,
     ):
-        super().__init__(equilibrium, stress)
+        super().__init__(equilibrium)
         self._deposit, self._beside = deposit, beside
 
     def _acceleration(self, force: np.ndarray) -> np.ndarray:
         mass, motion = self._deposit.mass + self._beside, self._equilibrium.motion
+        if self._deposit.sides is not None:
+            self._deposit.sides.add_up(mass[:, None])
+            self._deposit.sides.add_up(motion.nodal(self._force))
         share = np.divide(
             1.0, motion.stepping.inertia * mass, out=np.zeros_like(mass), where=mass > 0.0
         )
@@ -102,7 +99,6 @@ class ImplicitCorrection(Correction):
 def correction_of(
     kind: AccelerationCorrection,
     equilibrium: Equilibrium,
-    stress: InternalForce,
     deposit: Deposit,
     beside: np.ndarray | float = 0.0,
 ) -> Correction | None:
@@ -110,7 +106,7 @@ def correction_of(
     finite elements that share nodes with the points."""
     match kind:
         case AccelerationCorrection.LUMPED:
-            return LumpedCorrection(equilibrium, stress, deposit, beside)
+            return LumpedCorrection(equilibrium, deposit, beside)
         case AccelerationCorrection.IMPLICIT:
-            return ImplicitCorrection(equilibrium, stress)
+            return ImplicitCorrection(equilibrium)
     return None

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from functools import reduce
+
 from mpi4py import MPI
 
 import numpy as np
 from petsc4py import PETSc
 
+from ..common.ranks import of_all
+
 FEW = 0.15
 """Of the nodes: to copy what the others have costs more than to carry so many along, with a
 diagonal of their own."""
+
+
+def of_nodes(dofs: np.ndarray, size: int) -> np.ndarray:
+    """Which nodes (n,) have one of the dofs (n size,), bool; column by column, for NumPy is slow
+    along short rows."""
+    return reduce(np.logical_or, dofs.reshape(-1, size).T)
 
 
 class Part:
@@ -30,7 +40,7 @@ class Part:
         (error 60), and to take it anew costs more than to assemble.
         """
         bs, comm = self.whole.getBlockSize(), self.whole.comm.tompi4py()
-        nodes = used.reshape(-1, bs).any(axis=1)
+        nodes = of_nodes(used, bs)
         taken, changed = self._of_all(comm, nodes)
         if not taken or self.whole.getType() == "mpibaij":
             changed = False
@@ -45,9 +55,13 @@ class Part:
                 self._choose(nodes, bs)
             elif self._nodes is not None:
                 self.whole.createSubMatrix(self._nodes, self._nodes, self.matrix)
-        if comm.allreduce(int(not used[self._rows].all()), op=MPI.MAX):
-            self.b.array[:] = diagonal.array[self._rows]
-            self.matrix.setDiagonal(self.b)
+        others = np.flatnonzero(~used[self._rows])
+        if of_all(comm, len(others), MPI.MAX):
+            row = (self.matrix.getOwnershipRange()[0] + others).astype(PETSc.IntType)
+            value = diagonal.array[self._rows][others]
+            one_each = np.arange(len(row) + 1, dtype=PETSc.IntType)
+            self.matrix.setValuesIJV(one_each, row, value, rowmap=row)
+            self.matrix.assemble()
         return changed
 
     def _of_all(self, comm: MPI.Comm, nodes: np.ndarray) -> tuple[int, bool]:

@@ -13,16 +13,19 @@ from dolfinx import fem
 from petsc4py import PETSc
 
 from ..common.errors import SolverError
+from ..common.ranks import of_all
 from ..dynamics.motion import Motion
 from ..grid import dolfinx_versions
+from ..mapping.tied_sides import TiedSides
 from ..mapping.ties import Ties
 from ..response.response import Response
 from ..terms.contribution import Contribution
-from .active_nodes import Part
+from .active_nodes import Part, of_nodes
 from .base_matrix import Base
 from .changing_factors import ChangingFactors
 from .linear_solver import (
     RESCUE,
+    Scaling,
     from_table,
     linear_solver,
     prepare_multigrid,
@@ -31,6 +34,7 @@ from .linear_solver import (
 from .matrix_update import Update
 from .solver import Solver
 from .solver_choice import Choice, System
+from .tangent import Tangent
 
 # of the largest diagonal: rows below are round-off; a cut of 1e-4 both ways leaves real ones of
 # 1e-18
@@ -55,7 +59,7 @@ class Equilibrium:
     smallest cells P waves run through in a second, and ``symmetric``, whether K is so.
     ``nodes`` (all ranks) that hold material at the start: all of the grid, if None.
     ``reuse``: where fields of the tangent stay as they are in most cells, only the others are
-    assembled.
+    assembled.  ``sides``: opposite sides of the grid whose nodes move together, if any.
     """
 
     def __init__(
@@ -70,6 +74,7 @@ class Equilibrium:
         factored: bool = False,
         crossings: float = 0.0,
         nodes: int | None = None,
+        sides: TiedSides | None = None,
     ):
         self.motion, self.bcs = motion, fixed
         self.yielding, self._one_solve = response, solver.newton.tolerance is None
@@ -79,18 +84,21 @@ class Equilibrium:
         self._loads = [c.force for c in others if c.force]
         others = [c for c in others if not c.history]
         residual = sum((c.work for c in others), body.work)
-        tangent = ufl.derivative(residual, motion.u, ufl.TrialFunction(V))
+        self.symmetric = self.symmetric and (response is None or response.symmetric)
+        stiffness = 0 if response is None else response.stiffness
+        self._tangent = Tangent(motion, residual, stiffness, self.symmetric)
+        self._masses = [c.mass for c in others if c.mass is not None]
+        residual = sum((c.work for c in others if c.mass is None), body.work)
         if response is not None:
-            residual, tangent = residual + response.work, tangent + response.stiffness
-            self.symmetric = self.symmetric and response.symmetric
+            residual = residual + response.work
         elif residual and not motion.moved:
             # a linear step asks for the residual at u = 0 only, which costs less
             residual = ufl.replace(residual, {motion.u: ufl.zero(motion.u.ufl_shape)})
-        self.update = Update.of(motion, tangent) if reuse else None
+        tangent = self._tangent.form
+        self.update = Update.of(motion, tangent, self.symmetric) if reuse else None
         self._factors = ChangingFactors(motion, others)
         self._body_work = body.work
         self._residual = dolfinx_versions.compile_form(residual)
-        self._tangent = dolfinx_versions.compile_form(tangent)
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
         self._factored, self._crossings = factored, crossings
         # whether the matrix is one of rows, as ties want it, and multigrid has failed: the next
@@ -101,6 +109,7 @@ class Equilibrium:
         if nodes is None:
             nodes = V.dofmap.index_map.size_global
         self._unknowns = motion.grid.dim * nodes
+        self._system: System | None = None
         self.choice = self._suited()
         self._kind = self._kind_of_matrix()
         with motion.region.whole():
@@ -117,7 +126,8 @@ class Equilibrium:
         self._looked = self._altered = False
         self._bent = True  # the matrix is not K at u = 0
         self.solves = self.iterations = self.rescues = 0
-        self.ties: Ties | None = None  # once a node is light
+        # once a node is light, or where sides are tied
+        self.ties = None if sides is None else Ties(motion.grid, self.fixed, sides)
         self._tied: PETSc.Mat | None = None  # P that the part was made for
         self.strict = 0.0
         self._rescue: PETSc.KSP | None = None
@@ -125,7 +135,7 @@ class Equilibrium:
     def _suited(self) -> Choice:
         """The solver that suits the system as it is; the same on all ranks."""
         grid, stepping = self.motion.grid, self.motion.stepping
-        return System(
+        system = System(
             grid.comm.size,
             grid.dim,
             self.symmetric,
@@ -134,7 +144,10 @@ class Equilibrium:
             self._crossings * stepping.dt if stepping.dynamic else 0.0,
             self._factored,
             bool(self.memory[1]),
-        ).choice
+        )
+        if system != self._system:
+            self._system, self._its_choice = system, system.choice
+        return self._its_choice
 
     def _kind_of_matrix(self) -> str | None:
         """PETSc's name of the format: of blocks where the solver takes them, and the user's
@@ -156,7 +169,9 @@ class Equilibrium:
         )
 
     def _solver(self) -> PETSc.KSP:
-        return linear_solver(self.part.matrix, self.choice.options, self._options, self._prefix)
+        ksp = linear_solver(self.part.matrix, self.choice.options, self._options, self._prefix)
+        self._scaling = Scaling(ksp, self._options)
+        return ksp
 
     def _choose(self) -> None:
         """Another solver, where another suits."""
@@ -176,13 +191,15 @@ class Equilibrium:
 
     def _allocate(self) -> None:
         """The matrix, with room for what the region may come to integrate over."""
-        self.matrix = dolfinx_versions.create_matrix(self._tangent, self._kind)
+        self.matrix = dolfinx_versions.create_matrix(self._tangent.compiled, self._kind)
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
-        if self.motion.region.follows:  # PETSc drops entries that the first assembly leaves out
-            dolfinx_versions.assemble_matrix(self.matrix, self._tangent, [])
+        # PETSc drops entries that the first assembly leaves out, and ours needs all of them
+        if self.motion.region.follows or self._tangent.inserts:
+            dolfinx_versions.assemble_matrix(self.matrix, self._tangent.compiled, [])
             self.matrix.assemble()
-        if self._base is not None:
-            self._base.forget()
+        for known in (self._tangent, self._base, self.update):
+            if known is not None:
+                known.forget()
         self._diagonal = self.matrix.createVecLeft()
         self._plain = None if self.update is None else self.matrix.createVecLeft()
         self.part = Part(self.matrix, self.symmetric)
@@ -207,13 +224,15 @@ class Equilibrium:
         A = self._condense(retied)
         A.getDiagonal(self._diagonal)
         d = self._diagonal.array
-        free = ~self.fixed[: self._owned]
-        largest = self.motion.grid.comm.allreduce(float(d[free].max(initial=0.0)), op=MPI.MAX)
+        free, comm = ~self.fixed[: self._owned], self.motion.grid.comm
+        largest = of_all(comm, float(d[free].max(initial=0.0)), MPI.MAX)
         self.idle = d <= IDLE * largest
         if self.update is not None:
             bare = self.update.bare[: self._owned // self.motion.grid.dim]
             if self._base is not None:
                 bare = bare & self._base.bare
+            if self.ties is not None:
+                bare = self.ties.all_copies(bare)
             self.idle |= np.repeat(bare, self.motion.grid.dim)
         bare = self.idle | ~free
         if self._tied is not None:
@@ -221,9 +240,12 @@ class Equilibrium:
         d[bare] = largest if largest > 0.0 else 1.0
         if self.part.take(~bare, self._diagonal):
             self._reset()
-        nodes = np.count_nonzero((~bare).reshape(-1, self.motion.grid.dim).any(axis=1))
-        self._unknowns = self.motion.grid.dim * self.motion.grid.comm.allreduce(nodes)
+        nodes = np.count_nonzero(of_nodes(~bare, self.motion.grid.dim))
+        self._unknowns = self.motion.grid.dim * of_all(comm, nodes)
         self._choose()
+        if self._scaling.wanted:
+            least = of_all(comm, float(d.min(initial=largest)), MPI.MIN)
+            self._scaling.suit(least, largest)
         self.ksp.setOperators(self.part.matrix)
         prepare_multigrid(self.ksp, self.part.matrix, self._places)
 
@@ -264,8 +286,6 @@ class Equilibrium:
         with self.motion.region.whole():
             self._allocate()
         self._reset()
-        if self.update is not None:
-            self.update.forget()
 
     def _places(self) -> np.ndarray:
         """Nodes (n, dim), m, of the part that is solved."""
@@ -290,13 +310,16 @@ class Equilibrium:
                 return False
             if self.part.matrix is A:
                 A.setDiagonal(self._plain)  # rows without material have another one
-            update.add(A, self.bcs)
+            update.add(A, self.bcs, self.fixed)
         else:
             if self._base is None:
                 A.zeroEntries()
             else:
                 self._base.put(A, self.bcs)
-            dolfinx_versions.assemble_matrix(A, self._tangent, self.bcs)
+            self._tangent.add(A, self.bcs, self.fixed)
+            if self.yielding is not None and self.yielding.summed:
+                A.assemble(True)  # flushes: the diagonal was set, now is added to
+                self.yielding.add_stiffness(A, self.fixed)
             if update is not None:
                 update.remember()
         A.assemble()
@@ -398,6 +421,11 @@ class Equilibrium:
             self.yielding.add_force(r)
         if self._residual is not None:
             dolfinx_versions.assemble_vector(self.force, self._residual)
+        if self._masses:
+            acceleration = self.motion.balanced_acceleration()
+            for mass in self._masses:
+                force = r.reshape(acceleration.shape)
+                mass.add_times(acceleration, self.motion.region.cells, force)
         dolfinx_versions.gather_to_owner(self.force)
         if self._base is not None:
             self._base.add_force(r)
@@ -472,7 +500,7 @@ class Equilibrium:
 
     def _norm(self) -> float:
         r = self.force.x.array[: self._owned]
-        return float(np.sqrt(self.motion.grid.comm.allreduce(float(r @ r))))
+        return float(np.sqrt(of_all(self.motion.grid.comm, float(r @ r))))
 
     def support(self, internal: np.ndarray | None) -> tuple[np.ndarray, float]:
         """What supports bear as things stand, at u = 0 (dofs,), N, zero where nothing is fixed and
@@ -482,6 +510,8 @@ class Equilibrium:
             self.yielding.clear()
         size = self.scale(internal)
         r = self._assemble(internal)
+        if self.ties is not None:
+            self.ties.pass_on_at_sides(self.force)
         raw = r.copy()
         if self.ties is not None and self.ties.P is not None:
             self.ties.pass_on(self.force)

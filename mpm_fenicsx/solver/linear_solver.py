@@ -16,6 +16,10 @@ RESCUE = {"ksp_type": "preonly", "pc_type": "lu", "pc_factor_mat_solver_type": "
 OF_ROWS = ("icc", "ilu", "asm")
 """Small cuts leave rows 1e12 times smaller than others, which an incomplete factor takes for zero
 unless they are scaled; a full factor does without, and would be made anew for every solve."""
+UNEVEN = 1e-4
+"""Of the largest entry of the diagonal: rows below are such, and all are scaled.  To scale and to
+scale back costs as much as the factor."""
+SCALES = ("ksp_diagonal_scale", "ksp_diagonal_scale_fix")
 BY_ENERGY = ("gamg", "ml", "hypre")
 """They are stopped by the energy of what is left."""
 OF_NODES = ("gamg", "ml")
@@ -46,8 +50,8 @@ def linear_solver(
     """
     chosen = {**suited, **(options or {})}
     method, preconditioner = (str(chosen[key]) for key in ("ksp_type", "pc_type"))
-    if preconditioner in OF_ROWS or (preconditioner == "jacobi" and method != "cg"):
-        chosen = {"ksp_diagonal_scale": True, "ksp_diagonal_scale_fix": True, **chosen}
+    if preconditioner == "jacobi" and method != "cg":
+        chosen = {**dict.fromkeys(SCALES, True), **chosen}
     elif method == "cg" and preconditioner in BY_ENERGY:
         # the norm in which small rows weigh as much as others, without scaling
         chosen = {"ksp_norm_type": "natural", **chosen}
@@ -60,7 +64,7 @@ def linear_solver(
     ksp.setOperators(A)
     # solvers of blocks and other packages' factors read theirs only when they are set up, and again
     # after a reset
-    weakref.finalize(ksp, _forget, own, list(chosen))
+    weakref.finalize(ksp, _forget, own, [*chosen, *SCALES])
     try:
         ksp.setFromOptions()
     except PETSc.Error as error:
@@ -69,6 +73,26 @@ def linear_solver(
             f"(error code {error.ierr})"
         ) from None
     return ksp
+
+
+class Scaling:
+    """Scales the rows of a solver where they are ``UNEVEN`` and its preconditioner is one
+    ``OF_ROWS``, unless its ``options`` say whether to."""
+
+    def __init__(self, ksp: PETSc.KSP, options: Mapping[str, object]):
+        self._ksp, self._on = ksp, False
+        asked = any(name in options for name in SCALES)
+        self.wanted = ksp.getPC().getType() in OF_ROWS and not asked
+
+    def suit(self, least: float, largest: float) -> None:
+        """Take the extremes of the diagonal, which are those of all ranks."""
+        uneven = least < UNEVEN * largest
+        if uneven is self._on:
+            return
+        self._on, store = uneven, PETSc.Options(self._ksp.getOptionsPrefix())
+        for name in SCALES:
+            store[name] = uneven
+        self._ksp.setFromOptions()
 
 
 def warn_of_unread(ksp: PETSc.KSP, names: list[str]) -> None:

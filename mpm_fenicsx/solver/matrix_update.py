@@ -13,6 +13,7 @@ from ufl.algorithms import expand_derivatives
 from ..common.compiled import jit
 from ..dynamics.motion import Motion
 from ..grid import dolfinx_versions
+from .tangent import Tangent
 
 MANY = 0.5
 """Of the cells with material: to add the changes of more costs as much as to start anew."""
@@ -33,7 +34,12 @@ class Update:
     """
 
     def __init__(
-        self, motion: Motion, fields: list[fem.Function], change: ufl.Form, by: list[fem.Function]
+        self,
+        motion: Motion,
+        fields: list[fem.Function],
+        change: ufl.Form,
+        by: list[fem.Function],
+        symmetric: bool,
     ):
         self.motion, self._fields, self._by = motion, fields, by
         grid = motion.grid
@@ -42,11 +48,8 @@ class Update:
         self.changed = 0
         self._marks = sorted({part.subdomain_id() for part in change.integrals()})
         self._domains = [(mark, self.cells) for mark in self._marks]
-        self._form = dolfinx_versions.compile_form(
-            ufl.Form(
-                [part.reconstruct(subdomain_data=self._domains) for part in change.integrals()]
-            )
-        )
+        parts = [part.reconstruct(subdomain_data=self._domains) for part in change.integrals()]
+        self._tangent = Tangent(motion, 0, ufl.Form(parts), symmetric)
         self._dofs = [dolfinx_versions.cell_dofs(f.function_space) for f in fields]
         self._before = [np.zeros_like(f.x.array) for f in fields]
         self._peak = np.zeros((len(fields), grid.cells))
@@ -54,7 +57,7 @@ class Update:
         self._stepping: object = None
 
     @classmethod
-    def of(cls, motion: Motion, tangent: ufl.Form) -> Update | None:
+    def of(cls, motion: Motion, tangent: ufl.Form, symmetric: bool) -> Update | None:
         """That of a tangent, or None where it takes more than integrals over cells that are linear
         in its fields, and where forms cannot follow (see ``Region``)."""
         tangent = expand_derivatives(tangent)
@@ -70,7 +73,7 @@ class Update:
         )
         if not twice.empty() or {part.integral_type() for part in change.integrals()} != {"cell"}:
             return None
-        return cls(motion, fields, change, by)
+        return cls(motion, fields, change, by, symmetric)
 
     def follow(self) -> bool:
         """See what has changed; False where that is too much to be added, and the matrix is to be
@@ -109,13 +112,14 @@ class Update:
         return not little and self.changed <= MANY * held
 
     def forget(self) -> None:
-        """What the matrix held is lost: the next one is made anew."""
+        """What the matrix held is lost, or it is another one: the next one is made anew."""
         self._stepping = None
+        self._tangent.forget()
 
-    def add(self, A: PETSc.Mat, bcs: list) -> None:
-        """Add what has changed."""
+    def add(self, A: PETSc.Mat, bcs: list, fixed: np.ndarray) -> None:
+        """Add what has changed, as ``Tangent.add`` does."""
         self._domains[:] = [(mark, self.cells) for mark in self._marks]
-        dolfinx_versions.assemble_matrix(A, self._form, bcs)
+        self._tangent.add(A, bcs, fixed, self.cells)
 
     def remember(self) -> None:
         """The matrix is that of the fields as they are."""

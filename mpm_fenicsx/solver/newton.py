@@ -31,6 +31,11 @@ class Newton:
     def __post_init__(self) -> None:
         if self.tolerance is not None:
             object.__setattr__(self, "tolerance", positive("tolerance", self.tolerance))
+            if self.tolerance >= 1.0:
+                raise ValueError(
+                    f"tolerance must be below 1, for it is relative to the forces, got "
+                    f"{self.tolerance}"
+                )
         object.__setattr__(self, "iterations", whole("iterations", self.iterations))
         for name in ("halvings", "cuts"):
             object.__setattr__(self, name, whole(name, getattr(self, name), least=0))

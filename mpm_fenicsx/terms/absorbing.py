@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
 from ufl import inner
 
 from ..common.checks import positive
@@ -24,13 +25,24 @@ class ViscousBoundary:
     on: Surface
     material: object
 
+    @property
+    def impedance(self) -> np.ndarray:
+        """ρ c_p and ρ c_s (2,), Pa s/m."""
+        soil = self.material
+        return soil.density * np.array([soil.p_speed, soil.s_speed])
+
+    @property
+    def stiffness(self) -> np.ndarray:
+        """Of springs, along the normal and across (2,), Pa/m."""
+        return np.zeros(2)
+
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work ∫ Z v·w, and the energy absorbed."""
         if not scene.motion.stepping.dynamic:
             raise ValueError(f"{type(self).__name__} needs velocities: step with Newmark")
         patch, motion, soil = scene.patch(self.on), scene.motion, self.material
         has(f"material of {type(self).__name__}", soil, ("density", "p_speed", "s_speed"))
-        Z = patch.tensor(soil.density * soil.p_speed, soil.density * soil.s_speed)
+        Z = patch.tensor(*self.impedance)
         work = weak_forms.dashpot(Z, scene.velocity, motion.w) * patch.measure
 
         def energy() -> dict[str, object]:
@@ -53,14 +65,17 @@ class ViscoelasticBoundary(ViscousBoundary):
     def __post_init__(self) -> None:
         object.__setattr__(self, "radius", positive("radius", self.radius))
 
+    @property
+    def stiffness(self) -> np.ndarray:
+        """Of springs, along the normal and across (2,), Pa/m."""
+        return self.material.lame[1] / self.radius * np.array([2.0, 0.5])
+
     def bind(self, scene: Scene) -> Contribution:
         """Virtual work ∫ (Z v + k u)·w, and the energy absorbed and stored."""
         viscous = super().bind(scene)
         has(f"material of {type(self).__name__}", self.material, ("lame",))
         patch, motion = scene.patch(self.on), scene.motion
-        G = self.material.lame[1]
-        stiffness = 2 * G / self.radius, G / (2 * self.radius)
-        k, stored = patch.tensor(*stiffness), patch.stored(*stiffness)
+        k, stored = patch.tensor(*self.stiffness), patch.stored(*self.stiffness)
         spring = weak_forms.spring(k, motion.u, motion.known(stored), motion.w)
 
         def energy() -> dict[str, object]:
@@ -68,3 +83,8 @@ class ViscoelasticBoundary(ViscousBoundary):
             return {**viscous.energy(), "stored": in_springs}
 
         return Contribution(viscous.work + spring * patch.measure, energy=energy)
+
+
+def in_words(impedance: np.ndarray) -> str:
+    """Impedances (2,), of P and of S waves, for a message."""
+    return " and ".join(f"{z:.5g}" for z in impedance) + " Pa s/m"

@@ -20,8 +20,8 @@ from mpi4py import MPI
 
 import numpy as np
 
-from ..common.checks import one_of, whole
-from ..common.ranks import anywhere
+from ..common.checks import check_flags, one_of, whole
+from ..common.ranks import anywhere, bounds
 from ..grid import dolfinx_versions
 from ..grid.cells import SIDES
 from ..grid.grid import Grid
@@ -74,6 +74,7 @@ class AbsorbingLayer:
             one_of("sides", name, SIDES)
         for law, _ in regions_of(self.material):
             has("material of AbsorbingLayer", law, ("density", "lame", "p_speed", "s_speed"))
+        check_flags(follows=self.follows)
         whole("absorbing", self.absorbing)
         whole("elastic", self.elastic, least=0)
 
@@ -105,7 +106,7 @@ class AbsorbingLayer:
         part = scene.claim(self, filled & ~inside)
         part.depth, part.body, regions = depth, body, regions_of(self.material)
         part.follows = self.follows
-        edge = np.clip(grid.centres, *_bounds(grid, grid.centres[inside]))
+        edge = np.clip(grid.centres, *bounds(grid.comm, grid.centres[inside]))
         found = held("AbsorbingLayer", grid, regions, edge, part.cells)
         part.density, part.λ, part.μ = (part.field(values) for values in numbers(regions, found))
         part.strata = _strata(grid, regions, found & part.marks)
@@ -152,7 +153,7 @@ class AbsorbingLayer:
             return
         part, grid = scene.part(self), scene.grid
         _refuse_loads(scene, part)
-        low, high = _bounds(grid, grid.centres[part.body])
+        low, high = bounds(grid.comm, grid.centres[part.body])
         size = grid.lattice.size[part.body]
         least = np.array([grid.comm.allreduce(h, op=MPI.MIN) for h in size.min(0, initial=np.inf)])
         directions = np.arange(grid.dim)
@@ -216,13 +217,6 @@ def _refuse_loads(scene: Scene, part: PlainCells) -> None:
         )
 
 
-def _bounds(grid: Grid, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Least and largest coordinates (dim,), m, of places (n, dim) on all ranks."""
-    low = [grid.comm.allreduce(a, op=MPI.MIN) for a in x.min(axis=0, initial=np.inf)]
-    high = [grid.comm.allreduce(a, op=MPI.MAX) for a in x.max(axis=0, initial=-np.inf)]
-    return np.array(low), np.array(high)
-
-
 def _strata(grid: Grid, regions: Regions, found: np.ndarray) -> list[Stratum]:
     """The materials of a layer that are in its cells, of all ranks, and their heights."""
     strata = []
@@ -236,7 +230,7 @@ def _strata(grid: Grid, regions: Regions, found: np.ndarray) -> list[Stratum]:
 
 def _held_plane(scene: Scene, part: PlainCells) -> np.ndarray:
     """In which directions (dim,), bool, all nodes of layer and body are held across, or along and
-    not across."""
+    not across, or sides are tied."""
     grid = scene.grid
     nodes = np.unique(dolfinx_versions.cell_dofs(grid.space)[part.marks | part.body])
     fixed = np.zeros(grid.nodes * grid.dim, dtype=bool)
@@ -245,4 +239,5 @@ def _held_plane(scene: Scene, part: PlainCells) -> np.ndarray:
     all_held = fixed.reshape(-1, grid.dim)[nodes].all(axis=0)
     all_held = np.array([grid.comm.allreduce(int(h), op=MPI.MIN) for h in all_held], dtype=bool)
     others = np.array([np.delete(all_held, d).all() for d in range(grid.dim)])
-    return all_held | others
+    tied = scene.sides.directions if scene.sides is not None and scene.sides.whole else []
+    return all_held | others | np.isin(np.arange(grid.dim), tied)

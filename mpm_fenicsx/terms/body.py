@@ -16,9 +16,11 @@ from .scene import Scene
 
 
 def inertia(scene: Scene) -> Contribution:
-    """Virtual work ∫ ρ a·w."""
+    """Virtual work ∫ ρ a·w.  Of finite elements it goes into the form of their stress, which is
+    assembled anyway; of material points it would be a form by itself."""
     motion = scene.motion
-    return Contribution(weak_forms.inertia(scene.density, motion.acceleration, motion.w) * scene.dx)
+    work = weak_forms.inertia(scene.density, motion.acceleration, motion.w) * scene.dx
+    return Contribution(work, mass=scene.mass if scene.partly_filled else None)
 
 
 def elastic_work(scene: Scene, u, w, lame: tuple | None = None):
@@ -40,6 +42,13 @@ def elasticity(scene: Scene, before=None) -> Contribution:
     motion = scene.motion
     u = motion.u if before is None else motion.known(before) + motion.u
     work = elastic_work(scene, u, motion.w)
+    return Contribution(work, force=work)
+
+
+def distortion(scene: Scene) -> Contribution:
+    """Virtual work of the deviator of that stress alone."""
+    motion = scene.motion
+    work = weak_forms.distortion_work(scene.lame[1], motion.u, motion.w) * scene.stiffness_dx
     return Contribution(work, force=work)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from ..common import tensors
 from ..common.ranks import anywhere, keepers
 from ..grid import dolfinx_versions, weak_forms
 from ..grid.grid import GridSurface
@@ -25,6 +26,10 @@ from .load_functions import Load, combined
 def patch(surface, scene):
     """The boundary patch that serves a surface's coefficients to the forms."""
     raise ValueError(f"on must be facets of the grid or surface points, got {surface!r}")
+
+
+INWARD = 1e-6
+"""Of the way from a place to the centre of its cell: a hair inside."""
 
 
 class FacetPatch:
@@ -79,25 +84,45 @@ class FacetPatch:
     def load(self, function: Load, placed: bool, mean: bool = False):
         """A load (Pa) as it counts in the balance or, if ``mean``, its mean over the step."""
         if placed:
-            V = dolfinx_versions.space(self.grid.mesh, "DQ", 2, (self.grid.dim,))
-            f = fem.Function(V)
-            x = V.tabulate_dof_coordinates()[:, : self.grid.dim]
-        else:
-            f = fem.Constant(self.grid.mesh, np.zeros(self.grid.dim))
-            x = np.zeros((1, self.grid.dim))
+            return self._fields(function, 1, lambda values: [values], mean)[0]
+        f = fem.Constant(self.grid.mesh, np.zeros(self.grid.dim))
+        x = np.zeros((1, self.grid.dim))
 
         def refresh(start: float, end: float) -> None:
             # asked for anew: in DOLFINx 0.5 the view of a constant's value does not keep the
             # constant alive
-            target = f.x.array.reshape(-1, self.grid.dim) if placed else f.value
-            target[:] = (
-                0.5 * combined(function, start, end, x, 1.0)
-                if mean
-                else combined(function, start, end, x, self.motion.stepping.start)
-            )
+            f.value[:] = self._counted(function, start, end, x, mean)
 
         self._refresh.append(refresh)
         return f
+
+    def _fields(
+        self, function: Load, count: int, split: Callable, mean: bool, inward: bool = False
+    ) -> list[fem.Function]:
+        """So many vector fields on the cells of the facets, ``split`` from what a function of time
+        and place gives; asked for a hair inside the cells, if ``inward``, where it jumps from one
+        to the next."""
+        V = dolfinx_versions.space(self.grid.mesh, "DQ", 2, (self.grid.dim,))
+        rows = np.unique(dolfinx_versions.cell_dofs(V)[self.cells])
+        x = V.tabulate_dof_coordinates()[rows, : self.grid.dim]
+        x = x + INWARD * (self._centres(V)[rows] - x) if inward else x
+        fields = [fem.Function(V) for _ in range(count)]
+
+        def refresh(start: float, end: float) -> None:
+            values = self._counted(function, start, end, x, mean)
+            for f, value in zip(fields, split(values), strict=True):
+                self.motion.nodal(f)[rows] = value
+
+        self._refresh.append(refresh)
+        return fields
+
+    def _counted(
+        self, function: Load, start: float, end: float, x: np.ndarray, mean: bool
+    ) -> np.ndarray:
+        """A load as it counts in the balance or, if ``mean``, its mean over the step."""
+        if mean:
+            return 0.5 * combined(function, start, end, x, 1.0)
+        return combined(function, start, end, x, self.motion.stepping.start)
 
     def pressure(self, function: Load, placed: bool, mean: bool = False):
         """The load (Pa) of a pressure against the outward normal of the mesh."""
@@ -106,6 +131,29 @@ class FacetPatch:
             return np.repeat(function(t, x), self.grid.dim, axis=-1)
 
         return -self.load(everywhere, placed, mean)[0] * ufl.FacetNormal(self.grid.mesh)
+
+    def traction(self, stress: Load, mean: bool = False):
+        """The traction (Pa) of a stress, rows as in ``tensors``, of time and place."""
+        n, dim = ufl.FacetNormal(self.grid.mesh), self.grid.dim
+        columns = self._fields(
+            stress,
+            dim,
+            lambda rows: np.moveaxis(tensors.matrix(rows, dim), 2, 0),
+            mean,
+            inward=True,
+        )
+        return sum(column * n[j] for j, column in enumerate(columns))
+
+    def _centres(self, V: fem.FunctionSpace) -> np.ndarray:
+        """Centres (dofs, dim), m, of the cells that the values of a discontinuous field are of."""
+        dofs = dolfinx_versions.cell_dofs(V)
+        found = np.empty((dofs.max() + 1, self.grid.dim))
+        found[dofs] = self.grid.centres[: len(dofs), None]
+        return found
+
+    def times(self, along: float, across: float, vector: Load, mean: bool = False):
+        """A vector of time and place times ``tensor``."""
+        return self.tensor(along, across) * self.load(vector, True, mean)
 
     def stored(self, along: float, across: float):
         """Traction (Pa) of springs that have accumulated the displacement so far."""
@@ -199,7 +247,8 @@ class PointPatch:
         self._at_rest, self._stays = scene.at_rest, scene.plain_cells()
         self._offset = self.grid.offset.copy()  # of the grid when points were last found
         self.measure, self._cover = scene.motion.region.some(simpson(self.grid.dim))
-        self.faces = Faces(self.grid, points)
+        self._sides = scene.sides
+        self.faces = Faces(self.grid, points, scene.sides)
         self._held: dict[str, np.ndarray] = {}  # loads, row by row
         self.of_its_own = False  # whether one is given for this rank's rows alone
         self.migration = Migration(self.grid) if self.grid.comm.size > 1 else None
@@ -220,6 +269,12 @@ class PointPatch:
 
     def _inward(self) -> np.ndarray:
         return self.faces.within(self.points.x, self.points.normal)
+
+    def _come_in(self) -> None:
+        """Faces whose centres have left through tied sides come in on the other side."""
+        k, dim = self.points.per_face, self.grid.dim
+        centre = self.points.x.reshape(-1, k, dim).mean(axis=1)
+        self.points.x += np.repeat(self._sides.inside(centre) - centre, k, axis=0)
 
     def _leave_to_others(self) -> None:
         """Keep the faces that lie in this rank's cells, by their centres: what all ranks are given
@@ -387,6 +442,24 @@ class PointPatch:
 
         return self.load(against, True, mean)
 
+    def traction(self, stress: Load, mean: bool = False):
+        """The traction (Pa) of a stress, rows as in ``tensors``, of time and place."""
+
+        def across(t: float, x: np.ndarray) -> np.ndarray:
+            rows = np.broadcast_to(stress(t, x), (len(x), stress.dim))
+            return np.einsum("nij,nj->ni", tensors.matrix(rows, x.shape[1]), self.points.normal)
+
+        return self.load(across, True, mean)
+
+    def times(self, along: float, across: float, vector: Load, mean: bool = False):
+        """A vector of time and place times ``tensor``."""
+
+        def values(t: float, x: np.ndarray) -> np.ndarray:
+            rows = np.broadcast_to(vector(t, x), x.shape)
+            return np.einsum("nij,nj->ni", self._tensors(along, across), rows)
+
+        return self.load(values, True, mean)
+
     def stored(self, along: float, across: float):
         """Traction (Pa) of springs that have accumulated the points' displacement so far."""
         if self.points.displacement is None:
@@ -439,11 +512,13 @@ class PointPatch:
         if self._stays is not None and not np.array_equal(self._offset, self.grid.offset):
             self.points.x[self._stays[self._cell]] += self.grid.offset - self._offset
             self._offset[:] = self.grid.offset
+        if self._sides is not None:
+            self._come_in()
         if self.migration is not None:
             self._migrate()
         self.grid.walk(self._inward(), self._cell)
         self._check()
-        self.stencil.place(self.points.x, None, self._cell)
+        self.stencil.place(self.faces.brought_in(self.points.x), None, self._cell)
         self._refuse(self.faces.place(self.stencil))
 
     def prepare(self, start: float, end: float) -> None:

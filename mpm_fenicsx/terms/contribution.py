@@ -12,6 +12,7 @@ from dolfinx import fem
 
 from ..common.checks import in_short
 from ..common.spread import Spread
+from ..grid.consistent_mass import ConsistentMass
 
 SUMS = ("left", "lost")
 """What the recorder Energy makes of all energies: no name for one of them."""
@@ -45,6 +46,8 @@ class Contribution:
     ``holds``: it keeps a body from rigid motions that supports leave free, as springs do; a
     quasi-static run then does not refuse those.
     ``note``: what ``print(run)`` says of the term beyond its name.
+    ``mass``: where ``work`` is that of inertia in the motion's acceleration and nothing else, the
+    mass, which gives the force without the form.
 
     Where a run binds the term, ``check`` refuses what is none of these; the forms of ``energy``
     are looked at when a recorder asks for them.
@@ -61,6 +64,7 @@ class Contribution:
     history: Sequence[fem.Function] = ()
     holds: bool = False
     note: str = ""
+    mass: ConsistentMass | None = None
     term: str = field(default="a term", init=False)  # the name of its class
 
     def check(self) -> None:

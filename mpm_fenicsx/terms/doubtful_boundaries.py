@@ -8,19 +8,24 @@ from itertools import combinations
 import numpy as np
 
 from ..common.ranks import warn
-from ..grid.grid import Grid, GridSurface
+from ..grid.cells import SIDES
+from ..grid.grid import GridSurface
 from ..points.material_points import MaterialPoints
 from ..points.surface_points import SurfacePoints
 from .absorbing import ViscousBoundary
+from .doubtful_ground import in_front
+from .scene import Scene
 
 AHEAD = 0.9
 """Of half a support domain, from the place where the next point would be: what lies nearer is in
 front (Gauss points of a face lie 0.58 beside its point in 2D, 0.82 in 3D)."""
 
 
-def warn_of_doubtful(grid: Grid, terms: Sequence, bodies: Sequence[MaterialPoints] = ()) -> None:
-    """Warn of two absorbing boundaries on one surface, whose dashpots add up, and of surfaces with
-    material in front.  Collective."""
+def warn_of_doubtful(scene: Scene, terms: Sequence, bodies: Sequence[MaterialPoints] = ()) -> None:
+    """Warn of two absorbing boundaries on one surface, whose dashpots add up, of surfaces with
+    material in front, and of what acts on sides that are tied.  Collective."""
+    grid = scene.grid
+    _warn_of_tied(scene)
     absorbing = [term for term in terms if isinstance(term, ViscousBoundary)]
     for one, other in combinations(absorbing, 2):
         if _alike(one.on, other.on):
@@ -31,7 +36,8 @@ def warn_of_doubtful(grid: Grid, terms: Sequence, bodies: Sequence[MaterialPoint
                 3,
             )
     for term in absorbing:
-        inner, of = _inner(term.on, bodies) if isinstance(term.on, SurfacePoints) else (0, 0)
+        on_points = isinstance(term.on, SurfacePoints)
+        inner, of = _inner(scene, term.on, bodies) if on_points else (0, 0)
         inner, of = grid.comm.allreduce(inner), grid.comm.allreduce(of)
         if 2 * inner > of:
             warn(
@@ -42,6 +48,22 @@ def warn_of_doubtful(grid: Grid, terms: Sequence, bodies: Sequence[MaterialPoint
             )
 
 
+def _warn_of_tied(scene: Scene) -> None:
+    """Warn of loads, dashpots and springs on tied sides, which are no edge."""
+    if scene.sides is None:
+        return
+    names = [name for name, (d, _) in SIDES.items() if d in scene.sides.directions]
+    for patch in scene.patches:
+        on = [n for n in names if patch.tags & set(scene.grid.facets(n).tags)]
+        if on and patch.acting:
+            warn(
+                scene.grid.comm,
+                f"{' and '.join(patch.acting)} on the side {on[0]}, which is tied: what acts there "
+                "acts inside the ground that goes on over it; leave it out",
+                4,
+            )
+
+
 def _alike(one, other) -> bool:
     """Whether two surfaces share facets, or are the same surface points."""
     if isinstance(one, GridSurface) and isinstance(other, GridSurface):
@@ -49,11 +71,14 @@ def _alike(one, other) -> bool:
     return one is other
 
 
-def _inner(surface: SurfacePoints, bodies: Sequence[MaterialPoints]) -> tuple[int, int]:
+def _inner(
+    scene: Scene, surface: SurfacePoints, bodies: Sequence[MaterialPoints]
+) -> tuple[int, int]:
     """How many of this rank's surface points have material in front of them, and of how many."""
     bodies = [body for body in bodies if len(body)]
+    plain = in_front(scene, surface.x, surface.normal)
     if not bodies or not len(surface):
-        return 0, len(surface)
+        return int(plain.sum()), len(surface)
     from scipy.spatial import cKDTree
 
     x, half = (np.concatenate([getattr(body, name) for body in bodies]) for name in ("x", "half"))
@@ -61,4 +86,4 @@ def _inner(surface: SurfacePoints, bodies: Sequence[MaterialPoints]) -> tuple[in
     beside = half[tree.query(surface.x)[1]]
     away = (np.abs(surface.normal) * beside).sum(axis=1)
     distance, row = tree.query(surface.x + away[:, None] * surface.normal)
-    return int((distance < AHEAD * half[row].min(axis=1)).sum()), len(surface)
+    return int((plain | (distance < AHEAD * half[row].min(axis=1))).sum()), len(surface)

@@ -13,14 +13,14 @@ from ..grid.grid import Grid, GridSurface
 def on_facets(grid: Grid, on: GridSurface, there: np.ndarray) -> tuple[float, float]:
     """Area of facets with material, and area, of all ranks."""
     touched = area = 0.0
-    for nodes, x in _facets(grid, on):
+    for nodes, x in each_facet(grid, on):
         extent = np.ptp(x, axis=0)
         whole = np.delete(extent, np.argmin(extent)).prod()
         touched, area = touched + whole * there[nodes].mean(), area + whole
     return grid.comm.allreduce(touched), grid.comm.allreduce(area)
 
 
-def _facets(grid: Grid, on: GridSurface) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def each_facet(grid: Grid, on: GridSurface) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Nodes and their places of each facet that this rank owns."""
     topology, dim = grid.mesh.topology, grid.dim
     for pair in ((dim - 1, 0), (dim, 0)):

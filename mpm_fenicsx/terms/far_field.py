@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..common.checks import chosen
+from ..common.checks import check_flags, chosen
 from ..common.ranks import anywhere, together, warn
 from ..grid import weak_forms
 from ..materials.law_checks import check_law
@@ -52,6 +52,9 @@ class FarField:
 
     beside_others = False
 
+    def __post_init__(self) -> None:
+        check_flags(fair=self.fair, follows=self.follows)
+
     def take_cells(self, scene: Scene) -> None:
         """Take the cells."""
         grid, regions = scene.grid, self.materials()
@@ -67,6 +70,7 @@ class FarField:
         part = scene.claim(self, marks)
         found = held("FarField", grid, regions, grid.centres, part.cells)
         part.density, part.λ, part.μ = (part.field(values) for values in numbers(regions, found))
+        part.regions = [(law, here) for (law, _), here in zip(regions, found, strict=True)]
         part.dx, part.heavy = part.measure({"quadrature_degree": 3}), True
         part.centre = part.measure({"quadrature_degree": 1}) if scene.b_bar else None
         part.fair = self.fair and scene.motion.stepping.dynamic

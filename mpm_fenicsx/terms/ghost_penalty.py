@@ -85,7 +85,7 @@ class GhostPenalty:
         )
 
 
-class _Given:
+class CellWeights:
     """What a discontinuous field gives to the nodes of each cell: 2^dim ∫ f N over |c|, 1 to each
     of a field of 1."""
 
@@ -113,7 +113,7 @@ class _Cut:
 
     def __init__(self, grid: Grid, density: fem.Function, lame: tuple, below: float):
         self.grid, self.below = grid, below
-        self._density, *self._lame = (_Given(grid, f) for f in (density, *lame))
+        self._density, *self._lame = (CellWeights(grid, f) for f in (density, *lame))
         W = dolfinx_versions.space(grid.mesh, "DQ", 0)
         self._of_cells = dolfinx_versions.cell_dofs(W)[:, 0]
         self.β, self.modulus, self.density = (fem.Function(W) for _ in range(3))

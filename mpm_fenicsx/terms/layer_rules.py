@@ -27,7 +27,7 @@ class Body:
 
     ``extent`` (dim,), m; ``one_cell`` (dim,), bool: whether it is one cell wide; ``open`` (dim,),
     bool: whether there is a layer at an end of each direction; ``plane`` (dim,), bool: whether all
-    nodes are held across a direction, or along it and not across.
+    nodes are held across a direction, or along it and not across, or its sides are tied.
     """
 
     extent: np.ndarray
@@ -54,8 +54,8 @@ def refusal(absorbing: int, elastic: int, body: Body, strata: Sequence[Stratum])
         if not (body.one_cell[d] and body.plane[d]):
             return (
                 f"needs a layer at one end at least of the direction {'xyz'[d]}: between walls, or "
-                "free sides, what is trapped there grows; name a side of that direction too, or "
-                "take ViscousBoundary"
+                "free sides, or tied ones more than a cell apart, what is trapped there grows; "
+                "name a side of that direction too, or take ViscousBoundary"
             )
     if len(closed) == len(body.open) - 1 and len(strata) > 1:
         return (

@@ -17,7 +17,8 @@ show."""
 
 
 class Load:
-    """Load at time t (s) and places x (n, dim): (dim,) or (n, dim).
+    """Load at time t (s) and places x (n, dim): (dim,) or (n, dim).  Where a rank has no places,
+    the function is not asked: it may be written for some.
 
     ``fault``: what was wrong with it when it last was no number, or None; a step reads it on all
     ranks together.
@@ -27,6 +28,8 @@ class Load:
         self.name, self.function, self.dim, self.fault = name, function, dim, None
 
     def __call__(self, t: float, x: np.ndarray) -> np.ndarray:
+        if not len(x):
+            return np.zeros((0, self.dim))
         try:
             given = self.function(t, x)
             value = numbers(given)

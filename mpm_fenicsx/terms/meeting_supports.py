@@ -99,9 +99,10 @@ def _meet(scene: Scene, a: Fixed, b: Fixed) -> str | None:
     for c in axes:
         if c in (a.components or axes) and c in (b.components or axes):
             V = grid.space.sub(axes.index(c))
-            shared = np.intersect1d(
-                *(fem.locate_dofs_topological(V, grid.dim - 1, s.on.facets) for s in (a, b))
-            )
+            held = [fem.locate_dofs_topological(V, grid.dim - 1, s.on.facets) for s in (a, b)]
+            if scene.sides is not None:
+                held = [scene.sides.with_copies(dofs) for dofs in held]
+            shared = np.intersect1d(*held)
             if len(shared) and words is None:
                 words = f"x={x[shared[0] // grid.dim].round(9) + 0.0} in {c}"
     return anywhere(grid.comm, words)

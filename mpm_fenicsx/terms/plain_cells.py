@@ -11,7 +11,7 @@ What they add to the matrix depends on the length of the step alone, and is asse
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from mpi4py import MPI
@@ -20,11 +20,13 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from ..common import tensors
 from ..common.compiled import digits
 from ..common.spread import Spread
 from ..dynamics.motion import Motion
 from ..grid import dolfinx_versions, weak_forms
 from ..grid.grid import Grid
+from ..mapping.tied_sides import TiedSides
 from ..materials.material import hooke
 
 
@@ -37,19 +39,30 @@ class PlainCells:
     ``acceleration`` are those in the balance of forces, expressions.
 
     What their term sets: ``heavy``, whether they are a body's, with a ``density``, ``λ`` and ``μ``
-    that ``dx`` integrates, and ``centre`` changes of volume where these go cell by cell; ``fair``,
-    whether what points deposit at shared nodes counts these cells too; ``follows``, whether the
-    grid moves with the material points beside them.
+    that ``dx`` integrates, ``regions`` of it, each a material and where (cells,), bool, it is, and
+    ``centre`` changes of volume where these go cell by cell; ``fair``, whether what points deposit
+    at shared nodes counts these cells too; ``follows``, whether the grid moves with the material
+    points beside them.
     """
 
     heavy = fair = follows = False
+    brought: fem.Function | None = None
     density: object = None
     λ: object = None
     μ: object = None
+    regions: Sequence[tuple[object, np.ndarray]] = ()
     dx: ufl.Measure | None = None
     centre: ufl.Measure | None = None
 
-    def __init__(self, grid: Grid, motion: Motion, marks: np.ndarray, owner: str):
+    def __init__(
+        self,
+        grid: Grid,
+        motion: Motion,
+        marks: np.ndarray,
+        owner: str,
+        sides: TiedSides | None = None,
+    ):
+        self._sides = sides
         self.grid, self.motion, self.marks, self.owner = grid, motion, marks, owner
         self.cells = np.flatnonzero(marks).astype(np.int32)
         self.nodes = np.unique(dolfinx_versions.cell_dofs(grid.space)[self.cells])
@@ -58,6 +71,23 @@ class PlainCells:
         if self._moving:
             self.V, self.A = (fem.Function(grid.space) for _ in range(2))
             self.velocity, self.acceleration = motion.balanced(self.V, self.A)
+
+    def bring(self) -> None:
+        """A motion comes in where these cells end: their own displacement is the increment u less
+        ``brought``, a field that is zero at other nodes."""
+        self.brought = fem.Function(self.grid.space)
+        self.velocity, self.acceleration = self.motion.balanced(self.V, self.A, self.increment)
+
+    @property
+    def increment(self):
+        """Their displacement in the step, an expression."""
+        u = self.motion.u
+        return u if self.brought is None else u - self.brought
+
+    def moved(self) -> np.ndarray:
+        """Their displacement (nodes, dim), m, in the step that was solved."""
+        u = self.motion.nodal(self.motion.u)
+        return u if self.brought is None else u - self.motion.nodal(self.brought)
 
     def measure(self, metadata: Mapping[str, object], marks: np.ndarray | None = None):
         """Measure of these cells, or of some of them, ``marks`` (cells,).
@@ -75,6 +105,20 @@ class PlainCells:
         dofs = dolfinx_versions.cell_dofs(f.function_space)[:, 0]
         f.x.array[dofs] = np.where(self.marks, values, 0.0)
         return f
+
+    def of_material(self, material) -> tuple | None:
+        """ρ, λ and μ, fields, with those of all other materials left out; all of them, if None is
+        asked for.  None where there is nothing of the material.  Collective."""
+        fields = self.density, self.λ, self.μ
+        if material is None:
+            return fields
+        here = np.zeros(self.grid.cells, dtype=bool)
+        for law, where in self.regions:
+            here |= where & self.marks & (law == material)
+        if not self.grid.comm.allreduce(int(here[: self.grid.owned_cells].any())):
+            return None
+        dofs = dolfinx_versions.cell_dofs(self.λ.function_space)[:, 0]
+        return tuple(self.field(np.where(here, f.x.array[dofs], 0.0)) for f in fields)
 
     def elastic_work(self, u, w):
         """Virtual work of the elastic stress of u in these cells against w, a form."""
@@ -103,8 +147,11 @@ class PlainCells:
     @cached_property
     def shared(self) -> np.ndarray:
         """Nodes (n,) that these cells share with others of the grid."""
-        others = dolfinx_versions.cell_dofs(self.grid.space)[~self.marks]
-        return np.intersect1d(self.nodes, others)
+        others = np.zeros(self.grid.nodes, dtype=bool)
+        others[dolfinx_versions.cell_dofs(self.grid.space)[~self.marks]] = True
+        if self._sides is not None:
+            others = self._sides.largest(others)
+        return np.intersect1d(self.nodes, np.flatnonzero(others))
 
     @cached_property
     def own(self) -> np.ndarray:
@@ -175,21 +222,48 @@ class PlainCells:
             largest = np.maximum(2.0 * radius, np.abs(mean) + radius)
         return self.grid.comm.allreduce(float(largest.max(initial=0.0)), op=MPI.MAX)
 
+    def samples(self, field: str) -> tuple[np.ndarray, np.ndarray]:
+        """Places (n, dim), m, where this rank knows a field of its own cells, and their numbers
+        (n,): nodes, and for stress centres of cells."""
+        grid = self.grid
+        if field == "stress":
+            own = self.cells[self.cells < grid.owned_cells]
+            return grid.centres[own] + grid.offset, grid.cell_numbers[own]
+        own = self.nodes[self.nodes < grid.space.dofmap.index_map.size_local]
+        return grid.space.tabulate_dof_coordinates()[own, : grid.dim], grid.node_numbers[own]
+
+    def values(self, field: str, rows: np.ndarray) -> np.ndarray:
+        """Displacement (m), velocity (m/s), acceleration (m/s²) or stress (Pa) of some rows of
+        ``samples``, in statics that of the first and last alone."""
+        if field == "stress":
+            nodes, slopes = self._slopes
+            gradient = np.einsum(
+                "cki,ckj->cij", self.motion.nodal(self.U)[nodes[rows]], slopes[rows]
+            )
+            own = self.cells[self.cells < self.grid.owned_cells]
+            return self.stress(own[rows], tensors.strain(gradient))
+        own = self.nodes[self.nodes < self.grid.space.dofmap.index_map.size_local]
+        fields = {"displacement": self.U}
+        if self._moving:
+            fields |= {"velocity": self.V, "acceleration": self.A}
+        return self.motion.nodal(fields[field])[own[rows]]
+
     def start_with(self, acceleration: np.ndarray) -> None:
         """Take nodal accelerations (nodes, dim), m/s², at the start."""
         self.motion.nodal(self.A)[self.nodes] = acceleration[self.nodes]
 
     def know_start(self) -> None:
         """Where motion is known, take it as it is before the step."""
-        if self._moving:
+        if self._moving and self.brought is None:
             self.motion.know_start(self.motion.nodal(self.V), self.motion.nodal(self.A))
 
     def carry(self) -> None:
         """Displacement, velocity and acceleration at the end of the step."""
         motion = self.motion
-        motion.nodal(self.U)[self.nodes] += motion.nodal(motion.u)[self.nodes]
+        moved = self.moved()
+        motion.nodal(self.U)[self.nodes] += moved[self.nodes]
         if self._moving:
-            motion.advance(self.nodes, self.V, self.A)
+            motion.advance(self.nodes, moved, self.V, self.A, known=self.brought is None)
 
     def memory(self) -> dict[str, np.ndarray]:
         """Arrays by name that the next step depends on, not copied."""

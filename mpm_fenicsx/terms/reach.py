@@ -51,6 +51,8 @@ def check_reach(
     there = _nodes_with_material(scene.grid, bodies, cells, stencils)
     for part in scene.plain:
         there[part.nodes] = 1.0
+    if scene.sides is not None:
+        there = scene.sides.largest(there)
     for support in scene.supports:
         _check_support(scene, support, there)
     for patch in acting:
@@ -90,10 +92,9 @@ def check_reach(
             )
 
 
-def partly_filled(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray]) -> int:
-    """How many cells are neither full nor empty, on all ranks together."""
-    fill = sum(_fill(grid, body, cell) for body, cell in zip(bodies, cells, strict=True))
-    return grid.comm.allreduce(int(((fill > TRACE) & (fill < 1.0 - FULL)).sum()))
+def filled(grid: Grid, bodies: Sequence[MaterialPoints], cells: Sequence[np.ndarray]) -> np.ndarray:
+    """What part of each of this rank's own cells material points fill.  Collective."""
+    return sum(_fill(grid, body, cell) for body, cell in zip(bodies, cells, strict=True))
 
 
 def refuse_overlaps(
@@ -136,14 +137,7 @@ def _fill(grid: Grid, body: MaterialPoints, cell: np.ndarray) -> np.ndarray:
     x = body.x if body.seat is None else body.seat  # where domains tile
     cell = cell if body.seat is None else grid.find(x)
     at.place(x, body.half, cell)
-    for corner in range(2**grid.dim):
-        c, part = cell.copy(), body.volume.copy()
-        for d in range(grid.dim):
-            s = (corner >> d) & 1
-            part *= at.share[:, d, s]
-            if s:
-                c = np.where(part > 0.0, lattice.neighbour[c, d, (at.side[:, d] + 1) // 2], c)
-        np.add.at(volume, c[part > 0.0], part[part > 0.0])
+    at.add_to_cells(body.volume, volume)
     f = fem.Function(dolfinx_versions.space(grid.mesh, "DQ", 0))
     dofs = dolfinx_versions.cell_dofs(f.function_space)[:, 0]
     f.x.array[dofs] = volume

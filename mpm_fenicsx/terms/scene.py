@@ -9,14 +9,17 @@ from functools import cached_property
 
 import numpy as np
 import ufl
+from dolfinx import fem
 
 from ..common.checks import in_short
 from ..common.ranks import anywhere, together, warn
 from ..common.spread import Spread
 from ..dynamics.motion import Motion
 from ..grid import dolfinx_versions
+from ..grid.consistent_mass import ConsistentMass
 from ..grid.form_degree import degree
 from ..grid.grid import Grid
+from ..mapping.tied_sides import TiedSides
 from .boundary_patches import patch
 from .contribution import Contribution
 from .drift import Drift
@@ -38,11 +41,15 @@ class Scene:
     it: at nodes, where it is not given.
     ``occupied`` (cells,), bool: which cells hold material points at the start; all, if None.
     ``at_rest``: integrals are taken in the configuration at rest, where surface points stay.
+    ``sides``: opposite sides of the grid whose nodes move together, if any.
 
     ``contributions``: what the terms do, in their order; ``patches``: the surfaces that they act
     on; ``fixed``: Dirichlet conditions, and ``supports`` the terms that set them; ``plain``: cells
     without points that terms have taken, with a motion of their own; ``empty`` (cells,), bool:
-    cells that terms keep free of material.
+    cells that terms keep free of material; ``damped``: the materials that terms damp, None for all;
+    ``beside``: what terms do in plain cells besides, assembled once; ``terms``: all that are bound;
+    ``ahead``: functions of a step's start and end (s) that go before everything else in it, as
+    loads ask what they find.
     """
 
     grid: Grid
@@ -57,6 +64,7 @@ class Scene:
     body_force: Callable | None = None
     at_rest: bool = False
     occupied: np.ndarray | None = None
+    sides: TiedSides | None = None
     fixed: list = field(default_factory=list)
     supports: list = field(default_factory=list)
     contributions: list[Contribution] = field(default_factory=list)
@@ -65,12 +73,17 @@ class Scene:
     loads: list[Load] = field(default_factory=list)
     drifting: Drift | None = None
     empty: np.ndarray | None = None
+    damped: list = field(default_factory=list)
+    beside: list[Contribution] = field(default_factory=list)
     body_loaded: bool = False
+    terms: Sequence = ()
+    ahead: list[Callable[[float, float], None]] = field(default_factory=list)
     _binding: str = field(default="", repr=False)
     _parts: dict[int, PlainCells] = field(default_factory=dict, repr=False)
 
     def bind(self, terms: Sequence) -> list[Contribution]:
         """What the terms do, one contribution a term."""
+        self.terms = terms
         for term in terms:
             self._binding = type(term).__name__
             try:
@@ -89,9 +102,12 @@ class Scene:
             self._check_work(found)
             self.contributions.append(found)
         self._binding = ""
+        self.contributions += self.beside
         for term in terms:
             if hasattr(term, "beside_others") and hasattr(term, "check"):
                 term.check(self)
+        if self.sides is not None:
+            self._fix_copies()
         drift = self.drifting = self._drift()
         if drift is not None:
             self.contributions.append(
@@ -102,6 +118,31 @@ class Scene:
                 )
             )
         return self.contributions
+
+    def _fix_copies(self) -> None:
+        """Where a node of tied sides is fixed, or moved, all its copies are.  Collective."""
+        motion, sides, dim = self.motion, self.sides, self.grid.dim
+        motion.at_rest[:] = [sides.with_copies(dofs) for dofs in motion.at_rest]
+        for known in motion.moved:
+            known.dofs = sides.with_copies(known.dofs)
+        fixed = [bc.dof_indices()[0] for bc in self.fixed]
+        fixed = np.unique(np.concatenate([np.zeros(0, np.int32), *fixed]))
+        more = np.setdiff1d(sides.with_copies(fixed), fixed)
+        for c in range(dim):
+            dofs = more[more % dim == c].astype(np.int32)
+            self.fixed.append(fem.dirichletbc(np.array(0.0), dofs, self.grid.space.sub(c)))
+        for part in self.plain:
+            ends = np.zeros(self.grid.nodes)
+            ends[part.nodes] = 1.0
+            apart = np.flatnonzero(sides.largest(ends) > ends)
+            at = self.grid.space.tabulate_dof_coordinates()[apart[:1], :dim]
+            fault = f"{part.owner} ends at x={at[0].round(9) + 0.0}" if len(apart) else None
+            fault = anywhere(self.grid.comm, fault)
+            if fault:
+                raise ValueError(
+                    f"{fault}, on a tied side, and there are none of its cells opposite: give it "
+                    "the same cells on both sides"
+                )
 
     def _check_work(self, found: Contribution) -> None:
         """Raise ``ValueError`` for work that is no virtual work, or not linear in u."""
@@ -173,13 +214,26 @@ class Scene:
         fault = anywhere(grid.comm, fault)
         if fault:
             raise ValueError(fault)
-        self.plain.append(PlainCells(grid, self.motion, marks, name))
+        self.plain.append(PlainCells(grid, self.motion, marks, name, self.sides))
         self._parts[id(term)] = self.plain[-1]
         return self.plain[-1]
 
     def part(self, term) -> PlainCells:
         """The cells that a term has claimed."""
         return self._parts[id(term)]
+
+    def bring_into(self, term, layer) -> None:
+        """A motion comes in through the cells of another term.  Raises ``ValueError`` for a term
+        that has none, or through whose one comes in already."""
+        name = type(layer).__name__
+        if id(layer) not in self._parts:
+            raise ValueError(f"on: the {name} is none of the scene's terms: add it to them")
+        if self.part(layer).brought is not None:
+            raise ValueError(
+                f"on: {type(term).__name__} is the second motion that comes in through one {name}: "
+                "give it all that comes in at once"
+            )
+        self.part(layer).bring()
 
     def _centre(self, marks: np.ndarray) -> np.ndarray:
         """Centre (dim,), m, of the first of the cells that are marked."""
@@ -214,6 +268,11 @@ class Scene:
             for name, value in part.energy().items():
                 found[name] += value
         return found
+
+    @cached_property
+    def mass(self) -> ConsistentMass:
+        """The body's consistent mass."""
+        return ConsistentMass(self.grid, self.density, self.dx)
 
     @cached_property
     def velocity(self):
@@ -268,6 +327,8 @@ class Scene:
         with together(self.grid.comm):
             for known in self.motion.moved:
                 known.prepare(start, end, self.motion.stepping)
+        for go in self.ahead:
+            go(start, end)
         for part in self.plain:
             part.know_start()
         for p in self.patches:

@@ -79,11 +79,17 @@ class StretchedCells:
     # -- sums of fields: by the field, factors that are the same all over a cell -------------------
 
     def _displacement(self, end: float, start: float) -> dict:
-        return {self.motion.u: end, self.part.U: end + start}
+        return {**self._step(end), self.part.U: end + start}
+
+    def _step(self, factor) -> dict:
+        """What the step adds to the displacement."""
+        brought = self.part.brought
+        found = {self.motion.u: factor}
+        return found if brought is None else {**found, brought: -factor}
 
     def _integral(self, end: float, start: float) -> dict:
         Δt = self.motion.dt
-        return {self.motion.u: 0.5 * end * Δt, self.part.U: end * Δt, self._sum: end + start}
+        return {**self._step(0.5 * end * Δt), self.part.U: end * Δt, self._sum: end + start}
 
     def _n(self, m: int | None, U: dict, total: dict) -> dict:
         """N_m; U itself where there is no third direction."""
@@ -131,7 +137,7 @@ class StretchedCells:
     def work_of_step(self, contribution: Contribution):
         """Work done on these cells in a step by those beside them, a form: that of the mean of the
         forces at its start and its end, with what was there at the start kept for it."""
-        known = {f: f.copy() for f in self.history()}
+        known = {f: f.copy() for f in self._kept()}
         u = self.motion.u
 
         def keep(*_) -> None:
@@ -143,6 +149,10 @@ class StretchedCells:
 
     def history(self) -> list[fem.Function]:
         """The fields that their forces are linear in."""
+        brought = self.part.brought
+        return self._kept() if brought is None else [*self._kept(), brought]
+
+    def _kept(self) -> list[fem.Function]:
         more = [self._sum] if self.grid.dim == 3 else []
         return [*self.part.history(), *self._fields, *more]
 
@@ -150,7 +160,7 @@ class StretchedCells:
         """Take everything to the end of the step."""
         part, motion = self.part, self.motion
         H, on = 0.5 * motion.stepping.dt, part.nodes
-        u, U, total = (motion.nodal(f) for f in (motion.u, part.U, self._sum))
+        u, U, total = part.moved(), motion.nodal(part.U), motion.nodal(self._sum)
         stretch, cells = (self._kappa, self._beta), (part.cells, self._nodes)
         for j, (M, across) in enumerate(zip(self.M, self._across, strict=True)):
             _follow(j, (*cells, across), H, stretch, (u, U, total), M)

@@ -9,9 +9,10 @@ import numpy as np
 from dolfinx import fem
 
 from ..common.checks import one_of
-from ..common.ranks import together
+from ..common.ranks import together, warn
 from ..dynamics.motion import KnownMotion
 from ..dynamics.prescribed_motion import AccelerationRecord, Displacement, Prescribed, WholeMotion
+from ..dynamics.record import Record
 from ..grid.grid import GridSurface
 from .contribution import Contribution
 from .load_functions import of_time
@@ -29,7 +30,8 @@ class Fixed:
       over the step;
     - ``value`` with its ``velocity`` (m/s) and ``acceleration`` (m/s²): all three are taken as they
       are;
-    - ``acceleration`` alone, a record: integrated by the trapezoidal rule, from rest at the start.
+    - ``acceleration`` alone, a ``Record`` or another function: integrated by the trapezoidal rule,
+      from rest at the start.
 
     Nodes of known motion have known velocity and acceleration, whatever the points around deposit
     there. The nodes of a material point run's grid move by the increment of the step and are then
@@ -53,6 +55,10 @@ class Fixed:
         with together(grid.comm, Exception):
             prescribed = self._prescribed(scene.motion.stepping.dynamic)
         scene.check_alike("motion of Fixed", getattr(prescribed, "description", "none"))
+        if isinstance(self.acceleration, Record) and isinstance(prescribed, AccelerationRecord):
+            doubt = self.acceleration.doubt_of_steps(scene.motion.stepping.dt)
+            if doubt is not None:
+                warn(grid.comm, f"Fixed: {doubt}", 3)
         if self.on.grid is not grid:
             raise ValueError(f"on: the facets {self.on.names} belong to another grid")
         axes = "xyz"[: grid.dim]
@@ -63,6 +69,13 @@ class Fixed:
                 f"components must be one or several of {axes} in a text, got {self.components!r}"
             )
         components = self.components or axes
+        if self.components is None and isinstance(self.acceleration, Record):
+            warn(
+                grid.comm,
+                f"components: Fixed moves {' and '.join(axes)} alike by one Record: name its "
+                'direction, as in Fixed(base, "x", acceleration=record), and hold the others',
+                3,
+            )
         double = next((c for c in components if components.count(c) > 1), None)
         if double is not None:
             raise ValueError(
@@ -93,6 +106,12 @@ class Fixed:
             for name in ("value", "velocity", "acceleration")
             if getattr(self, name) is not None
         ]
+        for name in ("value", "velocity"):
+            if isinstance(getattr(self, name), Record):
+                raise ValueError(
+                    f"{name} of Fixed must not be a Record, which is an acceleration: give "
+                    "acceleration=record alone, or value=record.displacement_at"
+                )
         functions = {name: of_time(f"{name} of Fixed", getattr(self, name)) for name in names}
         match names:
             case []:

@@ -57,6 +57,7 @@ def test_the_energy_of_finite_elements_balances(record):
             mpm.Fixed(grid.facets("bottom")),
             mpm.Gravity((0.0, -G)),
         ],
+        b_bar=False,  # with it elements at the toe fold: 3 % are found twice
     )
     energy = run.record(mpm.Energy())
     run.until(4.0)
@@ -71,7 +72,8 @@ def test_the_energy_of_finite_elements_balances(record):
     "mapping, h", [(mpm.DM_GC, 1.0), *((mapping, 0.5) for mapping in POINTS)], ids=str
 )
 def test_collapse_runs_to_rest_and_its_energy_balances(mapping, h, record):
-    """c = 20/√3 kPa, E = 1 MPa: it runs out to about twice its width.  The balance closes within 5
+    """c = 20/√3 kPa, E = 1 MPa: it runs out to about twice its width, a little farther with B-bar,
+    where soil does not lock.  The balance closes within 5
     % of the work of gravity, which is the fall of the points, with linear weights, too: CMPM
     stopped as long as light nodes were not tied.  (GIMP's tangent is no derivative: at 1e-6 Newton
     stops at 1.6 s.)"""
@@ -88,5 +90,5 @@ def test_collapse_runs_to_rest_and_its_energy_balances(mapping, h, record):
     assert energy["kinetic"][-1] < 0.01 * work
     assert energy["plastic"][-1] > 0.8 * work
     assert abs(lost) < 0.05
-    assert 13.0 < body.x[:, 0].max() < 17.0
+    assert 13.0 < body.x[:, 0].max() < 18.5
     assert body.history.max() > 2.0

@@ -24,9 +24,9 @@ CUT = 1.5e-6
 
 @pytest.mark.parametrize("degrees", [0, 20, 40, 60, 70])
 @pytest.mark.parametrize("wave", ["P", "S"])
-def test_a_layer_sends_back_next_to_nothing(wave, degrees):
+def test_a_layer_sends_back_next_to_nothing(wave, degrees, record):
     row = measured(wave, degrees, 0.25, 3)
-    print(row)
+    record(f"16 {wave} packet at {degrees}° to a layer: energy back", "FE", row["back"])
     assert row["back"] < 3e-5
     if degrees <= 60:
         assert row["back"] == pytest.approx(row["expected"], rel=0.05, abs=CUT)
