@@ -1,6 +1,7 @@
 """Uneven grids off the origin, and hat functions on their grid lines; examples are the same every
 time."""
 
+import gc
 import os
 
 import meshio
@@ -13,6 +14,23 @@ from hypothesis import settings
 os.environ.setdefault("MPM_FENICSX_CFLAGS", "-O1")
 
 import mpm_fenicsx
+
+# Runs refer to themselves, and Python looks for such objects among all that imports have made: a
+# tenth of the time.  They are looked for after tests, and what was imported is left out.
+gc.disable()
+gc.collect()
+gc.freeze()
+FEW = 16
+"""Tests after which all that is left is looked for."""
+_ended = 0
+
+
+def pytest_runtest_logfinish(nodeid, location):
+    """Free what the test has left."""
+    global _ended
+    _ended += 1
+    gc.collect(1 if _ended % FEW else 2)
+
 
 # A run of the tests is the same every time; "make test ARGS=--hypothesis-profile=search" looks
 # where none has looked.

@@ -10,6 +10,8 @@ from __future__ import annotations
 import gc
 import weakref
 
+import ufl.corealg
+
 MANY = 64
 """Meshes that are looked for from there on, and again after so many more."""
 
@@ -21,8 +23,24 @@ def count(mesh):
     """``mesh``, counted; those that nobody asks for any more are freed where they have become
     many."""
     global _most
+    _forget_visitors()
     if len(_live) >= _most:
         gc.collect()
         _most = len(_live) + MANY
     _live.add(mesh)
     return mesh
+
+
+def _forget_visitors() -> None:
+    """Let go of forms that UFL has gone through: from Python 3.12 on ``singledispatchmethod`` keeps
+    each visitor by a method that refers to it, so that no such form, nor its mesh, was ever freed
+    where it was compiled."""
+    visitors = [getattr(getattr(ufl.corealg, "dag_traverser", None), "DAGTraverser", None)]
+    while visitors:
+        visitor = visitors.pop()
+        if visitor is None:  # an older UFL
+            return
+        visitors += visitor.__subclasses__()
+        kept = getattr(vars(visitor).get("process"), "_method_cache", None)
+        if kept is not None:
+            kept.clear()
