@@ -368,6 +368,11 @@ def tied(run) -> np.ndarray | None:
     return found
 
 
+def tied_components(run) -> np.ndarray:
+    """Which dofs (dofs,) follow others: PᵀKP is checked by hand, row by row."""
+    return run.holding.ties.tied.copy()
+
+
 def through_ties(run, motion: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A motion (nodes, dim) with that of tied nodes put right, and forces with those on tied nodes
     passed on: what both keep is exact, and solved-for motions are too few to tell."""

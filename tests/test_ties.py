@@ -50,12 +50,41 @@ def test_linear_motions_are_kept_and_so_are_forces_and_moments(dim, cut):
     np.testing.assert_allclose(x.T @ passed, x.T @ force, atol=1e-12)
 
 
-def test_the_matrix_is_that_of_the_motions_left():
-    run = cut_block(2, 0.3, mpm.Newmark(1e-3))
+HELD = ("left", "x"), ("bottom", None)
+SIDES = {
+    "free": (mpm.Newmark(1e-3), [], []),
+    "rollers": (mpm.Newmark(1e-3), HELD, []),
+    "rows": (mpm.QuasiStatic(1.0), HELD, []),
+    "tied sides": (mpm.Newmark(1e-3), [("bottom", "y")], [mpm.Tied("left", "right")]),
+}
+
+
+@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("sides", SIDES)
+def test_the_matrix_is_that_of_the_motions_left(dim, sides):
+    """PᵀKP by hand, of nodes with a component that is free; others have a diagonal of their own."""
+    lines = np.array([0.0, 0.25, 0.55, 0.75, 1.0, 1.25])
+    grid = mpm.Grid.rectilinear([lines] * dim)
+    inner = 1.25 if sides == "tied sides" else 0.9
+    body = mpm.MaterialPoints.fill(
+        grid, SOIL, 2**dim, inside=lambda x: (x[0] < inner) & (x[1:] < 0.75).all(axis=0)
+    )
+    body.x[:, 1:] += 0.05
+    body.stress[:, 2] = 1e-9
+    stepping, held, terms = SIDES[sides]
+    terms = [*terms, *(mpm.Fixed(grid.facets(side), components) for side, components in held)]
+    run = mpm.Simulation(grid, body, stepping, [mpm.Gravity((0.0, -9.81, 0.0)[:dim]), *terms])
+    run.prepare(0.0, 1e-3)
     found = inside.equations(run, assemble=True)
-    used = ~(found.idle | np.repeat(inside.tied(run), 2))
-    by_hand = (found.ties.T @ found.matrix @ found.ties)[np.ix_(used, used)]
-    assert len(found.solved) == used.sum()
+    assert inside.in_blocks(run) == (sides != "rows") and found.ties is not None
+    free = ~(found.idle | found.fixed | inside.tied_components(run))
+    assert inside.tied(run).any() and (found.fixed.any() or sides == "free")
+    kept = np.repeat(free.reshape(-1, dim).any(axis=1), dim)
+    P = found.ties * ~found.fixed
+    by_hand = (P.T @ found.matrix @ P)[np.ix_(kept, kept)]
+    held = np.flatnonzero(~free[kept])
+    by_hand[held, held] = found.solved[held, held]
+    assert (found.solved[held, held] == found.solved.diagonal().max()).all()
     np.testing.assert_allclose(found.solved, by_hand, atol=1e-12 * np.abs(by_hand).max())
 
 

@@ -68,6 +68,7 @@ class Ties:
             self._of_sides, self._follows = sides.matrix(fixed)
             self._take(self._of_sides)
         self._shown = np.zeros(2 * grid.nodes + grid.cells, dtype=bool)
+        self._known: list[tuple[np.ndarray, ...]] = []  # layers that P is made of
 
     def tie(self, light: np.ndarray, heavy: np.ndarray, cells: np.ndarray) -> bool:
         """Tie light nodes to heavy ones (nodes,) through ``cells`` (cells,); whether what is tied
@@ -77,8 +78,16 @@ class Ties:
         if not changed:
             return False
         self._shown = shown
-        before = self.P
-        self._take(self._product(light, heavy, cells))
+        layers = self._layers(light, heavy, cells)
+        same = len(layers) == len(self._known) and all(
+            np.array_equal(a, b)
+            for layer, known in zip(layers, self._known, strict=True)
+            for a, b in zip(layer, known, strict=True)
+        )
+        if not self.grid.comm.allreduce(int(not same), op=MPI.MAX):
+            return False
+        before, self._known = self.P, layers
+        self._take(self._product(layers))
         return before is not None or self.P is not None
 
     def _take(self, P: PETSc.Mat | None) -> None:
@@ -96,18 +105,28 @@ class Ties:
         """The cells, over tied sides, too."""
         return self.grid.lattice if self.sides is None else self.sides.lattice
 
-    def _product(self, light: np.ndarray, known: np.ndarray, cells: np.ndarray) -> PETSc.Mat | None:
-        P, self.tied, sides = None, np.zeros_like(self._fixed), self.sides
+    def _layers(
+        self, light: np.ndarray, known: np.ndarray, cells: np.ndarray
+    ) -> list[tuple[np.ndarray, ...]]:
+        """What ``_beside`` finds, with the number of ties (nodes,) of each node: of nodes beside
+        ``known`` ones, then of those beside these, and so on."""
+        layers, sides = [], self.sides
         for _ in range(LAYERS):
             node, beside, weight = self._beside(light & ~known, known, cells)
             found = summed(self.grid, np.bincount(node, minlength=self.grid.nodes).astype(float))
             if sides is not None:
                 sides.add_up(found[:, None])
-            if not self.grid.comm.allreduce(found.max(initial=0.0), op=MPI.MAX) > 0.0:
+            if not of_all(self.grid.comm, float(found.max(initial=0.0)), MPI.MAX) > 0.0:
                 break
+            layers.append((node, beside, weight, found))
+            known = known | (found > 0.0)
+        return layers
+
+    def _product(self, layers: list[tuple[np.ndarray, ...]]) -> PETSc.Mat | None:
+        P, self.tied, sides = None, np.zeros_like(self._fixed), self.sides
+        for node, beside, weight, found in layers:
             layer = self._layer(node, beside, weight / found[node][:, None], found > 0.0)
             P = layer if P is None else layer.matMult(P)
-            known = known | (found > 0.0)
             self.tied |= np.repeat(found > 0.0, self.grid.dim)
         self.tied &= ~self._fixed
         if sides is not None:

@@ -30,6 +30,10 @@ class Part:
         self.whole, self._symmetric = whole, symmetric
         self._take_all()
 
+    def diagonal(self, into: PETSc.Vec) -> None:
+        """The diagonal of the whole."""
+        self.whole.getDiagonal(into)
+
     def take(self, used: np.ndarray, diagonal: PETSc.Vec) -> bool:
         """Rows in ``used`` (dofs,), and all others of their nodes, as the whole is now; all, where
         none is used or few are not.

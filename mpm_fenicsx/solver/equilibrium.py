@@ -22,7 +22,9 @@ from ..response.response import Response
 from ..terms.contribution import Contribution
 from .active_nodes import Part, of_nodes
 from .base_matrix import Base
+from .blocks import POSSIBLE
 from .changing_factors import ChangingFactors
+from .condensed_part import CondensedPart
 from .linear_solver import (
     RESCUE,
     Scaling,
@@ -221,8 +223,8 @@ class Equilibrium:
             self.matrix.getDiagonal(self._plain)
         if self.symmetric and not self._looked:
             self._look_for_symmetry()
-        A = self._condense(retied)
-        A.getDiagonal(self._diagonal)
+        self._condense(retied)
+        self.part.diagonal(self._diagonal)
         d = self._diagonal.array
         free, comm = ~self.fixed[: self._owned], self.motion.grid.comm
         largest = of_all(comm, float(d[free].max(initial=0.0)), MPI.MAX)
@@ -271,7 +273,8 @@ class Equilibrium:
         P = self.ties.P if self.ties is not None else None
         if P is self._tied:
             return False
-        if self._kind is not None:  # PETSc takes products of rows, not of blocks
+        # PETSc takes products of rows, not of blocks
+        if self._kind is not None and not self._alone:
             self.memory[0] = True
             self._change_matrix(None)
         elif self.update is not None and self.part.matrix is self.matrix:
@@ -279,6 +282,11 @@ class Equilibrium:
         self._tied, self._condensed = P, None
         self._reset()
         return True
+
+    @property
+    def _alone(self) -> bool:
+        """Whether the matrix is of one rank, and ours to read."""
+        return POSSIBLE and self.motion.grid.comm.size == 1
 
     def _change_matrix(self, kind: str | None) -> None:
         """A matrix of another format in place of that so far."""
@@ -293,14 +301,18 @@ class Equilibrium:
         x = self.motion.grid.space.tabulate_dof_coordinates()[: self._owned // dim, :dim]
         return x.ravel()[self.part._rows].reshape(-1, dim)
 
-    def _condense(self, retied: bool) -> PETSc.Mat:
-        """K of the nodes that are not tied."""
-        if self._tied is not None:
+    def _condense(self, retied: bool) -> None:
+        """The part of K of the nodes that are not tied."""
+        own = self._alone and self._tied is not None
+        if self._tied is not None and not own:
             self._condensed = self.ties.condense(self.matrix, self._condensed)
-        A = self.matrix if self._tied is None else self._condensed
-        if retied:
+        if not retied:
+            return
+        if own:
+            self.part = CondensedPart(self.matrix, self.ties.free, self.symmetric)
+        else:
+            A = self.matrix if self._tied is None else self._condensed
             self.part = Part(A, self.symmetric)
-        return A
 
     def _bring_up_to_date(self) -> bool:
         """K in the matrix; False if that has not changed."""

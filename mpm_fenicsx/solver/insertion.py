@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Iterator
-from contextlib import contextmanager
-
 import numpy as np
 from petsc4py import PETSc
 
@@ -13,15 +9,7 @@ from ..common.compiled import jit
 from ..grid import dolfinx_versions
 from ..grid.grid import Grid
 from ..grid.unit_tensors import UnitTensors, tensors
-
-_PETSC = ctypes.CDLL(PETSc.__file__)  # with the library that it was linked to
-_FORMATS = {"seqaij": "SeqAIJ", "seqbaij": "SeqBAIJ"}
-POSSIBLE = PETSc.ScalarType is np.float64 and all(
-    hasattr(_PETSC, f"Mat{kind}{call}Array")
-    for kind in _FORMATS.values()
-    for call in ("Get", "Restore")
-)
-"""Whether PETSc hands out arrays of matrices, of numbers that are ours."""
+from .blocks import Blocks, corner
 
 
 class Pairs:
@@ -51,40 +39,23 @@ class Insertion:
         self, grid: Grid, A: PETSc.Mat, unit: UnitTensors, pairs: Pairs, fixed: np.ndarray
     ):
         self._unit, self._pairs, self._axes = unit, pairs.of, grid.axes
-        self._symmetric, size, blocks = pairs.symmetric, grid.dim, A.getType() == "seqbaij"
-        start, near = A.getRowIJ(compressed=True) if blocks else _of_nodes(*A.getRowIJ(), size)
+        self._symmetric, self._blocks = pairs.symmetric, Blocks(A, grid.dim)
         # from an entry of a block to the one below, and to the one beside it
-        down = np.ones_like(start[1:]) if blocks else size * np.diff(start)
-        self._steps = down.astype(np.int32), size if blocks else 1
+        self._steps = self._blocks.down, self._blocks.along
         self._nodes = dolfinx_versions.cell_dofs(grid.space)
         self._place = np.empty((grid.cells, len(pairs.of), 2), dtype=np.uint32)
-        _find(self._nodes, pairs.of, (start, near), (blocks, size), self._place)
-        self._entries = size**2 * len(near)
-        self._blank, self._one = _of_fixed((start, near), (blocks, size), fixed.reshape(-1, size))
+        _find(self._nodes, pairs.of, self._blocks.of, self._place)
+        self._blank, self._one = _of_fixed(self._blocks.of, fixed.reshape(-1, grid.dim))
 
     def add(self, A: PETSc.Mat, cells: np.ndarray) -> None:
         """Add the tensors of cells (n,), of what their fields are now."""
         self._unit.refresh()
         where = self._place, self._nodes, self._pairs
-        with _values(A, self._entries) as values:
+        with self._blocks.values(A) as values:
             given = self._unit.by_kind(cells), self._unit.arguments()
             _add(self._axes, *given, where, self._steps, self._symmetric, values)
             values[self._blank] = 0.0
             values[self._one] = 1.0
-
-
-@contextmanager
-def _values(A: PETSc.Mat, entries: int) -> Iterator[np.ndarray]:
-    """The array (entries,) of a matrix, of one rank, that has been assembled."""
-    kind, matrix = _FORMATS[A.getType()], ctypes.c_void_p(A.handle)
-    pointer = ctypes.POINTER(ctypes.c_double)()
-    for call in ("Get", "Restore"):
-        function = getattr(_PETSC, f"Mat{kind}{call}Array")
-        if function(matrix, ctypes.byref(pointer)):
-            raise RuntimeError(f"PETSc does not {call.lower()} the array of a {A.getType()} matrix")
-        if call == "Get":
-            yield np.ctypeslib.as_array(pointer, (entries,))
-    A.stateIncrease()
 
 
 @jit
@@ -125,45 +96,25 @@ def _write(axes, cells, found, where, steps, symmetric, values):
 
 
 @jit
-def _of_nodes(first, column, size):
-    """Of a matrix of rows: where the blocks of each node start (nodes + 1,), and their columns."""
-    nodes = (len(first) - 1) // size
-    start = np.zeros(nodes + 1, first.dtype)
-    for i in range(nodes):
-        start[i + 1] = start[i] + (first[size * i + 1] - first[size * i]) // size
-    near = np.empty(start[nodes], first.dtype)
-    for i in range(nodes):
-        for k in range(start[i + 1] - start[i]):
-            near[start[i] + k] = column[first[size * i] + size * k] // size
-    return start, near
-
-
-@jit
-def _corner(start, layout, i, k):
-    """The place of the first entry of the k-th block of a node's rows."""
-    blocks, size = layout
-    return size * size * (start[i] + k) if blocks else size * (size * start[i] + k)
-
-
-@jit
-def _find(nodes, pairs, rows, layout, place):
+def _find(nodes, pairs, blocks, place):
     """Where the blocks of each cell's pairs of nodes, and of those turned round, begin:
-    ``place`` (cells, m, 2).  ``rows`` (start, near) of blocks; ``layout`` (of blocks?, size)."""
-    start, near = rows
+    ``place`` (cells, m, 2); ``blocks`` is ``Blocks.of``."""
+    start, near, _, layout = blocks
     for c in range(len(nodes)):
         for p in range(len(pairs)):
             for turned in range(2):
                 i, j = nodes[c, pairs[p, turned]], nodes[c, pairs[p, 1 - turned]]
                 k = np.searchsorted(near[start[i] : start[i + 1]], j)
-                place[c, p, turned] = _corner(start, layout, i, k)
+                place[c, p, turned] = corner(start, layout, i, k)
 
 
 @jit
-def _of_fixed(rows, layout, fixed):
+def _of_fixed(blocks, fixed):
     """Places of entries in rows or columns that are ``fixed`` (nodes, size), and of those on the
     diagonal."""
-    start, near = rows
-    blocks, size = layout
+    start, near, down, layout = blocks
+    whole, size = layout
+    along = size if whole else 1
     blank, one = [np.int64(0) for _ in range(0)], [np.int64(0) for _ in range(0)]
     held = np.zeros(len(fixed), np.bool_)
     for i in range(len(fixed)):
@@ -174,13 +125,11 @@ def _of_fixed(rows, layout, fixed):
             j = near[start[i] + k]
             if not (held[i] or held[j]):
                 continue
-            at = _corner(start, layout, i, k)
-            down = 1 if blocks else size * (start[i + 1] - start[i])
-            along = size if blocks else 1
+            at = corner(start, layout, i, k)
             for a in range(size):
                 for b in range(size):
                     if fixed[i, a] or fixed[j, b]:
-                        blank.append(at + a * down + b * along)
+                        blank.append(at + a * down[i] + b * along)
                         if i == j and a == b:
-                            one.append(at + a * down + b * along)
+                            one.append(at + a * down[i] + b * along)
     return np.array(blank), np.array(one)

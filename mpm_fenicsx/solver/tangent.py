@@ -11,7 +11,8 @@ from ..dynamics.motion import Motion
 from ..grid import dolfinx_versions
 from ..grid.form_degree import affine_in_fields
 from ..grid.unit_tensors import UnitTensors
-from .insertion import POSSIBLE, Insertion, Pairs
+from .blocks import POSSIBLE
+from .insertion import Insertion, Pairs
 
 
 class Tangent:
