@@ -304,10 +304,11 @@ def test_it_lies_beside_the_body_alone():
     assert centre[:, 1].max() == 14.5 and len(part.cells) == 20 * 15 - 13 * 8
 
 
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validation)])
 @pytest.mark.parametrize("numbers", ["plain", "fair"])
-def test_a_restart_goes_on_bit_for_bit(tmp_path, numbers):
+def test_a_restart_goes_on_bit_for_bit(tmp_path, numbers, dim):
     path = tmp_path / "state"
-    run, again = (open_ground.block(3, fair=numbers == "fair") for _ in range(2))
+    run, again = (open_ground.block(dim, fair=numbers == "fair") for _ in range(2))
     run.record(mpm.Checkpoint(path, every=3))
     for _ in range(3):
         run.step()

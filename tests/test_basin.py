@@ -68,6 +68,7 @@ def test_a_basin_that_does_not_fit_is_refused():
         Basin(cell=(3.0, 2.0))
 
 
+@pytest.mark.validation
 def test_the_demo_tells_where_a_column_fails(tmp_path):
     middle, edge, beside = basin.main(["--quick", "--results", str(tmp_path)])
     assert middle["off_before_edges"] < 0.03

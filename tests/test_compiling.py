@@ -107,6 +107,7 @@ print(loop(1.0))
 """
 
 
+@pytest.mark.validation
 def test_a_loop_is_compiled_anew_when_a_piece_of_it_in_another_file_has_changed(tmp_path):
     """Numba looks at the loop's own file alone."""
     (tmp_path / "loop.py").write_text(LOOP)

@@ -349,7 +349,7 @@ def resting(dim=2, slide=0.0, ramp=None):
     return mpm.Contact((above, block.surface(bottom)), (below, base.surface(top)))
 
 
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validation)])
 def test_a_block_bears_its_weight_and_slides_on(dim):
     """The force is the weight, on average over the swing of the block; what slides without friction
     keeps sliding."""

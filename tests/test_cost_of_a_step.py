@@ -134,6 +134,7 @@ def test_memory_is_counted_from_the_last_mark():
     assert cost_pieces.peak() - before == pytest.approx(8e7, rel=0.1)
 
 
+@pytest.mark.validation
 def test_the_script_writes_rows_and_figure_and_goes_on_where_it_was(tmp_path, monkeypatch):
     monkeypatch.setattr(cost_of_a_step, "CELLS", {2: (0.5, 0.25), 3: (0.5,)})
     monkeypatch.setattr(cost_of_a_step, "METHODS", ("DM-GC", "FE", "FE, frozen"))

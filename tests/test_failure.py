@@ -72,14 +72,15 @@ def unchanged(run, before):
 @KINDS
 def test_a_step_that_fails_in_its_second_half_leaves_the_state_of_its_start(kind):
     """A block of perfect plasticity bears 2c: of the step from 3/4 to 3/2 of that only the first
-    quarter is solved."""
+    quarter is solved.  Where it fails K is all but singular, and round-off decides who says so."""
     run = squeezed(kind)
     energy = run.record(mpm.Energy())
     run.step()
     before, sums, solved, carry = copied(run), energy.sums.copy(), [], run.carry
     run.carry = lambda: (solved.append(1), carry())
     message = (
-        r"step 2, t = 0\.5: Newton does not converge, relative residuals .*; largest residual "
+        r"step 2, t = 0\.5: (Newton does not converge, relative residuals .*|linear solver stopped "
+        r"with PETSc reason -\d+ after \d+ iterations); largest residual "
         r".* N at the node "
         r"x=\[.*\]; from t = 0\.\d+ to 0\.\d+, the step halved 3 times$"
     )

@@ -326,6 +326,7 @@ def test_small_strain_has_nothing_of_it():
 # -- several ranks ---------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks
 def test_two_ranks_strain_like_one(tmp_path):
     out = tmp_path / "out.json"
     on_ranks(2, stretched.__file__, out)

@@ -144,6 +144,7 @@ def ground(runs):
     return {row["ground"]: row for row in rows}, curves
 
 
+@pytest.mark.validation
 def test_points_under_the_strip_alone_do_what_all_points_do(ground):
     rows, curves = ground
     every, few = (curves[name] for name in list(foundation.GROUND)[:2])

@@ -68,7 +68,10 @@ def test_waves_come_in_from_five_sides_and_leave(wave, angle, azimuth):
     assert left < 1e-8
 
 
-@pytest.mark.parametrize("wave, angle, azimuth", [("SV", 20.0, 30.0), ("SH", 30.0, 60.0)])
+@pytest.mark.parametrize(
+    "wave, angle, azimuth",
+    [("SV", 20.0, 30.0), pytest.param("SH", 30.0, 60.0, marks=pytest.mark.validation)],
+)
 def test_points_take_such_waves_in(wave, angle, azimuth):
     run = ground(wave, angle, azimuth, points=True)
     most, left = compared(run, wave, angle, azimuth, 3.5 / FREQUENCY)
@@ -128,7 +131,9 @@ def level(terms, points=False, tied=False):
     return mpm.FiniteElements(grid, LAYERS, stepping, all_terms), on_sides[-1]
 
 
-@pytest.mark.parametrize("wave, azimuth", [("SV", 30.0), ("P", 0.0)])
+@pytest.mark.parametrize(
+    "wave, azimuth", [("SV", 30.0), pytest.param("P", 0.0, marks=pytest.mark.validation)]
+)
 def test_damped_layers_between_four_free_fields_have_no_sides(wave, azimuth):
     run, field = level(beneath(wave=wave, azimuth=azimuth))
     (column,) = field.columns

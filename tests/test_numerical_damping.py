@@ -121,6 +121,7 @@ def test_walls_weigh_less_the_longer_the_body():
     assert eight == pytest.approx(far + (two - far) / 4, abs=0.05 * (two - far))
 
 
+@pytest.mark.validation
 def test_the_script_writes_rows_figure_and_tables(tmp_path, capsys):
     rows = numerical_damping.main(["--quick", "--results", str(tmp_path)])
     kept = json.loads((tmp_path / "numerical_damping.json").read_text())["rows"]

@@ -421,7 +421,8 @@ def serial():
     return softening.everything()
 
 
-@pytest.mark.parametrize("count", [2, pytest.param(3, marks=pytest.mark.ranks)])
+@pytest.mark.ranks
+@pytest.mark.parametrize("count", [2, 3])
 def test_ranks_find_what_one_does(serial, count, tmp_path):
     out = tmp_path / "out.json"
     on_ranks(count, softening.__file__, out)

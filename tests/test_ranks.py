@@ -62,7 +62,13 @@ def serial() -> dict:
     return ranks.everything()
 
 
-@pytest.fixture(scope="module", params=[2, pytest.param(3, marks=pytest.mark.validation)])
+@pytest.fixture(
+    scope="module",
+    params=[
+        pytest.param(2, marks=pytest.mark.ranks),
+        pytest.param(3, marks=pytest.mark.validation),
+    ],
+)
 def several(request, tmp_path_factory) -> dict:
     out = tmp_path_factory.mktemp("ranks") / "out.json"
     on_ranks(request.param, ranks.__file__, out)

@@ -109,6 +109,7 @@ def test_work_is_shared_edges_shrink_more_slowly_and_sums_grow():
     assert scaling_model.nodes_on_the_edge(2, 400) == 4 * 20
 
 
+@pytest.mark.validation
 def test_the_script_writes_rows_and_figure_and_goes_on_where_it_was(tmp_path, monkeypatch):
     done = []
     monkeypatch.setattr(scaling, "measure", lambda case: done.append(case) or answer(case))
@@ -141,6 +142,7 @@ def two():
     assert run.process.returncode == 0
 
 
+@pytest.mark.ranks
 def test_ranks_take_steps_and_count_what_they_send(two):
     assert two.ask("ready")
     taken = two.ask("steps", count=2)
@@ -161,6 +163,7 @@ def test_ranks_take_steps_and_count_what_they_send(two):
     assert two.ask("divide")["cpu"] > 0.0
 
 
+@pytest.mark.ranks
 def test_ranks_that_stop_leave_their_words():
     if mpiexec() is None:
         pytest.skip("no mpiexec beside Python or on PATH")

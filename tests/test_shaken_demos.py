@@ -23,6 +23,7 @@ def written(folder, name):
     return json.loads((folder / f"{name}.json").read_text())
 
 
+@pytest.mark.validation
 def test_a_layer_gives_what_a_larger_box_does(tmp_path):
     """Without the dam the surface moves by the exact answer, within the grid's dispersion."""
     found = dam_on_rock.main(["--quick", "--results", str(tmp_path)])

@@ -58,6 +58,7 @@ def test_rows_orders_and_figure(done):
     assert (folder / "speed_against_error.png").stat().st_size > 20_000
 
 
+@pytest.mark.validation
 def test_what_is_there_is_not_run_again(done, monkeypatch):
     folder, rows = done
     monkeypatch.setattr(study, "measure", lambda case: pytest.fail(f"ran {case}"))
@@ -65,6 +66,7 @@ def test_what_is_there_is_not_run_again(done, monkeypatch):
     assert len(again) == len(rows) and not any(row["failed"] for row in again)
 
 
+@pytest.mark.validation
 def test_failures_and_interrupts_lose_nothing_and_are_run_again(tmp_path, monkeypatch):
     ran, arguments = [], [*SMALL[:-2], "DM-GC", "--results", str(tmp_path)]
 

@@ -473,6 +473,7 @@ def test_a_surface_that_leaves_grid_or_body_is_refused(line, message):
 # -- ranks -----------------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks
 def test_two_ranks_make_the_faces_of_one_and_compute_the_same(tmp_path):
     out = tmp_path / "out.json"
     on_ranks(2, surfaces_on_ranks.__file__, out)

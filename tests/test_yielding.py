@@ -399,6 +399,7 @@ def test_two_bodies_of_one_law_are_one_and_an_elastic_one_has_no_history(mapping
 # -- several ranks ---------------------------------------------------------------------------------
 
 
+@pytest.mark.ranks
 def test_two_ranks_yield_like_one(tmp_path):
     out = tmp_path / "out.json"
     on_ranks(2, plastic.__file__, out)
