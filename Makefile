@@ -74,13 +74,12 @@ test: $(READY) ## run the tests
 test-apt: ## run the tests on Debian's DOLFINx, with /usr/bin/python3
 	@$(MAKE) test DOLFINX=apt
 
-test-ranks: $(READY) ## run more scenes on two, three and four processes (5 minutes)
+test-ranks: $(READY) ## run scenes on two, three and four processes (11 minutes)
 	@$(PY) -m pytest -m ranks $(ARGS)
 
-validate: $(READY) ## run the long cases with exact or published answers (half an hour)
-	@$(PY) -m pytest -m validation tests/validation tests/test_ranks.py tests/test_migration.py \
-		tests/test_statics_on_ranks.py tests/test_footing_3d.py tests/test_incident_wave_3d.py \
-		tests/test_absorbing_layer.py tests/test_shaken_demos.py -n $(JOBS) --dist loadfile $(or $(ARGS),--afresh)
+validate: $(READY) ## run the long cases with exact or published answers (an hour)
+	@$(PY) -m pytest -m validation tests/validation tests -n $(JOBS) --dist loadfile \
+		$(or $(ARGS),--afresh)
 
 speed: $(READY) ## draw error against seconds, into results (20 minutes; ARGS=--quick: two)
 	@$(PY) studies/speed_against_error.py $(ARGS)

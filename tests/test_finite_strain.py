@@ -23,12 +23,16 @@ def name(kind):
     return "FE" if kind is None else str(kind)
 
 
-def cases(*plane, solid=(mpm.DM_GC,)):
-    """Mappings, None for finite elements: all in plane strain, few in 3D, whose forms take long to
-    compile."""
+def cases(*plane, solid=(mpm.DM_GC,), marks=()):
+    """Mappings, None for finite elements: all in plane strain, few in 3D, with ``marks``, whose
+    forms take long to compile."""
     every = [(kind, dim) for dim, kinds in ((2, plane), (3, solid)) for kind in kinds]
     return pytest.mark.parametrize(
-        ("kind", "dim"), every, ids=[f"{name(kind)}-{dim}D" for kind, dim in every]
+        ("kind", "dim"),
+        [
+            pytest.param(kind, dim, marks=marks if dim == 3 else (), id=f"{name(kind)}-{dim}D")
+            for kind, dim in every
+        ],
     )
 
 
@@ -88,7 +92,7 @@ def test_support_domains_make_the_matrix_of_gimp_nearly_the_derivative():
 # -- small strain is its limit ---------------------------------------------------------------------
 
 
-@cases(None, mpm.MPM, mpm.GIMP, mpm.DM_G, mpm.DM_GC)
+@cases(None, mpm.MPM, mpm.GIMP, mpm.DM_G, mpm.DM_GC, marks=pytest.mark.validation)
 def test_small_loads_give_the_small_strain_answer(kind, dim):
     """They differ by the order of the strain, 1e-8, and no round-off of logarithms shows."""
     found = []
@@ -103,7 +107,7 @@ def test_small_loads_give_the_small_strain_answer(kind, dim):
     np.testing.assert_allclose(found[1], found[0], atol=1e-7 * np.abs(found[0]).max())
 
 
-@cases(mpm.DM, mpm.DM_G, mpm.DM_GC)
+@cases(mpm.DM, mpm.DM_G, mpm.DM_GC, marks=pytest.mark.validation)
 def test_the_first_step_of_a_full_grid_is_that_of_finite_elements(kind, dim):
     rng, found = np.random.default_rng(6), []
     for way in (kind, None):

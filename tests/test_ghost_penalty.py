@@ -13,7 +13,7 @@ import mpm_fenicsx as mpm
 SOIL = dense.SOIL
 M = SOIL.density * SOIL.p_speed**2
 H, STRESS = 0.25, 100e3
-DIM = pytest.mark.parametrize("dim", [2, 3])
+DIM = pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validation)])
 DT = 1e-3
 
 

@@ -50,7 +50,10 @@ def compared(run, wave, angle, until):
     return energy_apart(run, exact, (0.0, 0.0), (TOP, TOP), until)
 
 
-@pytest.mark.parametrize("wave, angle", [("SV", 0.0), ("SV", 20.0), ("P", 25.0)])
+@pytest.mark.parametrize(
+    "wave, angle",
+    [pytest.param("SV", 0.0, marks=pytest.mark.validation), ("SV", 20.0), ("P", 25.0)],
+)
 @pytest.mark.parametrize("kind", ["dashpots", "springs", "layer"])
 def test_waves_come_in_from_three_sides_and_leave(kind, wave, angle):
     """What differs from the exact waves is the grid's own dispersion, of 24 cells a wavelength and
@@ -116,6 +119,7 @@ def test_the_balance_of_energy_closes():
         assert sum(sums.values()) == pytest.approx(energy["work"][-1], rel=1e-10), kind
 
 
+@pytest.mark.validation
 def test_generalised_alpha_and_halved_steps_take_the_same_wave():
     for kind in ("dashpots", "layer"):
         run = ground(kind, angle=20.0)

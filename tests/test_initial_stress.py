@@ -247,6 +247,9 @@ def test_layers_of_any_shape_weigh_what_is_above():
     assert (rows[:, 0] == rows[:, 2]).all() and not rows[:, 3].any()
 
 
+SOLID = pytest.param(3, "alpha", marks=pytest.mark.validation)
+
+
 @pytest.mark.parametrize(
     "soils",
     [
@@ -256,7 +259,7 @@ def test_layers_of_any_shape_weigh_what_is_above():
     ],
     ids=["elastic", "yielding", "finite strain"],
 )
-@pytest.mark.parametrize("dim, name", [(2, name) for name in STEPS] + [(3, "alpha")])
+@pytest.mark.parametrize("dim, name", [(2, name) for name in STEPS] + [SOLID])
 def test_level_layers_of_elements_are_at_rest(soils, dim, name):
     grid, stepping = box(dim, 6.0), STEPS[name]
     pairs = [(soils[0], lambda x: x[1] > 3.5), (soils[1], lambda x: x[1] <= 3.5)]

@@ -383,7 +383,7 @@ def stretched(law, load):
 
 
 @BOTH_WAYS
-@DIMS
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validation)])
 def test_hencky_layers_take_their_stretches_beside_one_of_small_strain(dim, way):
     laws = [*soils(2, 3.0, mpm.Hencky), mpm.LinearElastic(30e6, 0.3, 1500.0)]
     layers, load = Layers(laws, dim, way=way), 7e6

@@ -69,7 +69,7 @@ def test_free_fall_is_exact_from_the_first_step(mapping, law):
 
 
 @STEPPED
-@pytest.mark.parametrize("dim", [2, 3])
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validation)])
 def test_finite_elements_fall_freely(dim, stepping):
     grid = mpm.Grid.box((0.0,) * dim, (1.0,) * dim, (3,) * dim)
     for law in (SOIL, FINITE):

@@ -115,6 +115,7 @@ def test_with_its_reactions_nothing_moves(mapping, soil, boundary, walls):
     assert fastest < 1e-9 * column.speed
 
 
+@pytest.mark.validation
 @MAPPINGS
 def test_in_3d_nothing_moves_either(mapping):
     column = RestingColumn(mapping, dim=3, height=1.0, h=0.5)

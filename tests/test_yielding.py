@@ -126,7 +126,7 @@ def test_uniform_points_that_fill_the_grid_answer_like_the_law_at_the_gauss_poin
 
 
 @pytest.mark.parametrize("mapping", [mpm.DM_G, mpm.DM_GC, mpm.DM], ids=str)
-@DIMS
+@pytest.mark.parametrize("dim", [2, pytest.param(3, marks=pytest.mark.validation)])
 def test_the_first_plastic_step_of_a_full_grid_is_that_of_finite_elements(dim, mapping):
     rng = np.random.default_rng(6)
     found = []
