@@ -1,5 +1,7 @@
 """The weak forms: what they do to exact fields, whoever supplies the coefficients."""
 
+import time
+
 import dense
 import inside
 import numpy as np
@@ -153,3 +155,14 @@ def test_rules_of_surface_points_compile_without_a_word(grid, caplog):
     dx = ufl.dx(grid.mesh, metadata=simpson(grid.dim))
     dolfinx_versions.compile_form(ufl.TestFunction(grid.space)[0] * dx)
     assert not caplog.records
+
+
+def test_a_form_that_is_compiled_leaves_its_domain_as_it_was():
+    """FFCx of 2022 changes the domain's element where it compiles: what was made of it before and
+    after would be of two domains, and no form of both could be compiled, in the first run of a
+    scene alone."""
+    grid = dense.uneven(2)
+    before, w = ufl.TrialFunction(grid.space), ufl.TestFunction(grid.space)
+    work = time.time_ns() * 1e-19 * ufl.inner(before, w) * ufl.dx
+    dolfinx_versions.compile_form(work)
+    assert len({before, ufl.TrialFunction(grid.space)}) == 1

@@ -156,7 +156,10 @@ def create_mesh(comm: MPI.Comm, x: np.ndarray, cells: np.ndarray, owners: Callab
 
         element = basix.ufl.element("Lagrange", _SHAPES[dim], 1, shape=(dim,))
         return dolfinx.mesh.create_mesh(comm, cells, element, x, partitioner)
-    domain = ufl.Mesh(ufl.VectorElement("Lagrange", ufl.Cell(_SHAPES[dim], dim), 1))
+    # FFCx of 2022 makes places equispaced itself where it compiles, and what is made of the domain
+    # afterwards would be of another one
+    cell = ufl.Cell(_SHAPES[dim], dim)
+    domain = ufl.Mesh(ufl.VectorElement("Lagrange", cell, 1, variant="equispaced"))
     return dolfinx.mesh.create_mesh(
         comm, cells, x, domain, dolfinx.mesh.GhostMode.shared_facet, partitioner
     )

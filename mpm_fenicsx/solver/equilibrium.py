@@ -103,8 +103,8 @@ class Equilibrium:
         self._residual = dolfinx_versions.compile_form(residual)
         self._known = 1.0 + motion.stepping.start  # what was there before the step weighs so much
         self._factored, self._crossings = factored, crossings
-        # whether the matrix is one of rows, as ties want it, and multigrid has failed: the next
-        # step depends on it, to round-off
+        # whether the matrix is one of rows, as ties on ranks and shifted pivots want it, and
+        # multigrid has failed: the next step depends on it, to round-off
         self.memory = np.zeros(2, dtype=bool)
         self._options = {**(solver.petsc or {}), **from_table(solver.prefix)}
         self._prefix, self._unread = solver.prefix, list(self._options)
@@ -114,6 +114,7 @@ class Equilibrium:
         self._system: System | None = None
         self.choice = self._suited()
         self._kind = self._kind_of_matrix()
+        self._tied: PETSc.Mat | None = None  # P that the part was made for
         with motion.region.whole():
             self._allocate()
         self.force = fem.Function(V, name="residual")
@@ -130,7 +131,6 @@ class Equilibrium:
         self.solves = self.iterations = self.rescues = 0
         # once a node is light, or where sides are tied
         self.ties = None if sides is None else Ties(motion.grid, self.fixed, sides)
-        self._tied: PETSc.Mat | None = None  # P that the part was made for
         self.strict = 0.0
         self._rescue: PETSc.KSP | None = None
 
@@ -163,6 +163,11 @@ class Equilibrium:
         return "baij" if blocks else None
 
     @property
+    def _wanted_kind(self) -> str | None:
+        """The same, but of rows where these have been needed before."""
+        return None if self.memory[0] else self._kind_of_matrix()
+
+    @property
     def _leave_the_solver(self) -> bool:
         """Whether the user's options say no more than when to stop, or ask for Jacobi."""
         return all(
@@ -192,7 +197,8 @@ class Equilibrium:
         return f"{self.choice.name} ({self.choice.why}){note}"
 
     def _allocate(self) -> None:
-        """The matrix, with room for what the region may come to integrate over."""
+        """The matrix, with room for what the region may come to integrate over; nothing is tied in
+        it yet."""
         self.matrix = dolfinx_versions.create_matrix(self._tangent.compiled, self._kind)
         self.matrix.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
         # PETSc drops entries that the first assembly leaves out, and ours needs all of them
@@ -205,13 +211,13 @@ class Equilibrium:
         self._diagonal = self.matrix.createVecLeft()
         self._plain = None if self.update is None else self.matrix.createVecLeft()
         self.part = Part(self.matrix, self.symmetric)
+        self._tied = self._condensed = None
 
     def assemble_tangent(self) -> None:
         """K with the law's tangent as it is, and the part of it that is to be solved."""
         self._choose()
-        kind = None if self.memory[0] else self._kind_of_matrix()
-        if kind != self._kind:
-            self._change_matrix(kind)
+        if self._wanted_kind != self._kind:
+            self._change_matrix(self._wanted_kind)
         if self.motion.region.outgrown:
             with self.motion.region.room():
                 self._allocate()
@@ -245,6 +251,9 @@ class Equilibrium:
         nodes = np.count_nonzero(of_nodes(~bare, self.motion.grid.dim))
         self._unknowns = self.motion.grid.dim * of_all(comm, nodes)
         self._choose()
+        if self._wanted_kind != self._kind:  # of so many unknowns another solver is the better one
+            self.assemble_tangent()
+            return
         if self._scaling.wanted:
             least = of_all(comm, float(d.min(initial=largest)), MPI.MIN)
             self._scaling.suit(least, largest)
@@ -290,7 +299,7 @@ class Equilibrium:
 
     def _change_matrix(self, kind: str | None) -> None:
         """A matrix of another format in place of that so far."""
-        self._kind, self._tied = kind, None
+        self._kind = kind
         with self.motion.region.whole():
             self._allocate()
         self._reset()
@@ -468,6 +477,9 @@ class Equilibrium:
         if self._unread:
             names, self._unread = self._unread, []
             warn_of_unread(self.ksp, names)
+        if reason < 0 and self._kind is not None and self._alone:
+            self._turn_to_rows()
+            reason = self._run(self.ksp)
         if reason < 0 and self.choice.iterates and not self._options:
             self.memory[1] |= self.choice.multigrid
             if self._rescue is None:
@@ -484,6 +496,14 @@ class Equilibrium:
         dolfinx_versions.share(self.increment)
         if self._tied is not None:
             self.ties.follow_free(self.increment)
+
+    def _turn_to_rows(self) -> None:
+        """The part as rows, and all of the matrix from the next step on: PETSc shifts pivots of
+        rows where an incomplete factor breaks down, as that of soil near incompressible does."""
+        self.memory[0], rows = True, self.part.matrix.convert("aij", PETSc.Mat())
+        rows.setOption(PETSc.Mat.Option.SYMMETRIC, self.symmetric)
+        self._reset()
+        self.ksp.setOperators(rows)
 
     def largest(self) -> str:
         """Where the residual is largest, or not a number, in words; the same on all ranks."""

@@ -27,7 +27,12 @@ STIFF = 15.0
 """Courant number from which multigrid takes less time than Jacobi's preconditioner."""
 
 CG: dict[str, object] = {"ksp_type": "cg"}
-GMRES: dict[str, object] = {"ksp_type": "gmres", "ksp_gmres_restart": 60}
+GMRES: dict[str, object] = {
+    "ksp_type": "gmres",
+    "ksp_gmres_restart": 60,
+    # stopped by the residual itself: that of a bad factor says nothing when it is small
+    "ksp_pc_side": "right",
+}
 
 
 @dataclass(frozen=True)
