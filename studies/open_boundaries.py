@@ -218,7 +218,7 @@ def _cost(axis, rows: list[dict]) -> None:
     axis.set_xticks([1, 2, 3, 5, 10, 20], ["1", "2", "3", "5", "10", "20"], minor=False)
     axis.set_yticks([0.3, 1, 3, 10, 30], ["0.3", "1", "3", "10", "30"], minor=False)
     axis.minorticks_off()
-    axis.set(xlim=(0.85, 24), ylim=(0.2, 30))
+    axis.set(xlim=(0.7, 24), ylim=(0.2, 30))
     axis.grid(alpha=0.3)
     axis.legend(fontsize=7.5, loc="lower left")
 

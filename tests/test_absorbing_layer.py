@@ -191,7 +191,7 @@ def test_motions_and_surface_points_in_it_are_refused():
             mpm.FiniteElements(grid, soil, mpm.Newmark(0.3), [layer, term])
 
 
-@pytest.mark.parametrize("start", [0.0, 0.8])
+@pytest.mark.parametrize("start", [0.0, pytest.param(0.8, marks=pytest.mark.validation)])
 def test_nothing_grows_with_generalized_alpha(start):
     run = open_ground.block(2, points=False)
     grid, terms = run.grid, run.terms

@@ -153,6 +153,7 @@ def test_points_under_the_strip_alone_do_what_all_points_do(ground):
     assert rows["points in 2 m × 2 m, dashpots"]["energy_error"] < 1e-3
 
 
+@pytest.mark.validation
 def test_a_layer_settles_as_wide_ground_does_and_dashpots_settle_more(ground):
     """A mesh from which nothing comes back; finite elements of this size are 1.6 % off in q."""
     _, curves = ground

@@ -150,6 +150,7 @@ def test_damped_layers_between_four_free_fields_have_no_sides(wave, azimuth):
     assert off < 1e-12 * size
 
 
+@pytest.mark.validation
 def test_points_between_four_free_fields_move_as_a_column_of_points():
     """But for what waves in points and in finite elements of the same cells differ by."""
     terms = beneath(azimuth=30.0)
