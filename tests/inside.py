@@ -147,6 +147,24 @@ def inserted_matrix(run) -> tuple[np.ndarray, np.ndarray]:
     return tuple(found)
 
 
+def inserted_apart(run) -> tuple[float, float]:
+    """Norm of the difference between the matrix that our loop writes and DOLFINx's, and of the
+    latter, of all ranks: no motion tells so exactly where a rank has put what."""
+    equilibrium = run.equilibrium
+    assert equilibrium._tangent.inserts
+    ours = equilibrium.matrix
+    theirs = ours.duplicate()
+    for A in (ours, theirs):
+        A.zeroEntries()
+    equilibrium._tangent.add(ours, equilibrium.bcs, equilibrium.fixed)
+    dolfinx_versions.assemble_matrix(theirs, equilibrium._tangent.compiled, equilibrium.bcs)
+    for A in (ours, theirs):
+        A.assemble()
+    size = theirs.norm()
+    theirs.axpy(-1.0, ours)
+    return theirs.norm(), size
+
+
 def inserted_fields(run) -> list:
     """The fields whose values our own loop reads."""
     return run.equilibrium._tangent._unit.fields

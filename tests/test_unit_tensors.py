@@ -1,12 +1,14 @@
 """Cell tensors that are sums of those of unit fields are what DOLFINx assembles."""
 
 import dense
+import inserting
 import inside
 import numpy as np
 import plastic
 import pytest
 import ufl
 from dolfinx import fem
+from test_ranks import on_ranks
 
 import mpm_fenicsx as mpm
 from mpm_fenicsx.grid import dolfinx_versions
@@ -198,6 +200,15 @@ def test_a_run_inserts_what_dolfinx_assembles(name, dim, rows):
     assert inserted.shape == assembled_anew.shape
     difference = np.abs(inserted - assembled_anew).max()
     assert difference <= ROUND_OFF * np.abs(assembled_anew).max()
+
+
+@pytest.mark.ranks
+@pytest.mark.parametrize("count", [2, 3, 4])
+def test_ranks_insert_what_dolfinx_assembles(count):
+    """Blocks and rows, with nodes held, on ranks that have many cells, one or none."""
+    found = dict(line.rsplit(": ", 1) for line in on_ranks(count, inserting.__file__).splitlines())
+    assert list(found) == list(inserting.SCENES)
+    assert all(float(difference) <= ROUND_OFF for difference in found.values()), found
 
 
 def springs(factor):

@@ -9,6 +9,7 @@ import numpy as np
 import ufl
 
 from ..common.compiled import jit
+from ..common.ranks import of_all
 from . import dolfinx_versions
 from .grid import Grid
 
@@ -84,7 +85,12 @@ class UnitTensors:
     @property
     def symmetric(self) -> bool:
         """Whether the tensors of a bilinear form are so, whatever fields and constants: seen at
-        numbers by chance."""
+        numbers by chance.  Collective."""
+        return bool(of_all(self.grid.comm, int(self._looks_symmetric()), MPI.MIN))
+
+    def _looks_symmetric(self) -> bool:
+        if not len(self.grid.kinds.corners):
+            return True
         found = sum(_by_chance(kernel, self.grid.kinds.corners[0], 1.0) for kernel in self._kernels)
         size = round(len(found) ** 0.5)
         A = found.reshape(size, size)
@@ -123,6 +129,18 @@ class UnitTensors:
             start = np.searchsorted(np.sort(kind), np.arange(len(self.tables) + 1))
             self._cells, self._by_kind = cells, (order, start)
         return self.tables, *self._by_kind
+
+    def of_cells(self, cells: np.ndarray) -> np.ndarray:
+        """The tensors (n, entries) of cells (n,)."""
+        *given, out = self.arguments()
+        found, kind = np.empty((len(cells), out.shape[1])), self.grid.kinds.of[cells]
+        for k, table in enumerate(self.tables):
+            rows = np.flatnonzero(kind == k)
+            for first in range(0, len(rows), len(out)):
+                some = rows[first : first + len(out)]
+                tensors(table, cells[some], *given, out)
+                found[some] = out[: len(some)]
+        return found
 
     def arguments(self) -> tuple:
         """What ``tensors`` asks for besides a table and cells: values of fields, their places, and

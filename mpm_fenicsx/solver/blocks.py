@@ -51,6 +51,9 @@ class Blocks:
     @contextmanager
     def values(self, A: PETSc.Mat, change: bool = True) -> Iterator[np.ndarray]:
         """The array (entries,) of a matrix that has been assembled, to read or to ``change``."""
+        if not self.entries:  # of a rank without nodes
+            yield np.zeros(0)
+            return
         kind, matrix = _FORMATS[A.getType()], ctypes.c_void_p(A.handle)
         pointer = ctypes.POINTER(ctypes.c_double)()
         for call in ("Get", "Restore"):

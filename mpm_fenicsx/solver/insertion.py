@@ -29,33 +29,77 @@ class Pairs:
 
 
 class Insertion:
-    """Adds the tensors of cells to a matrix of one rank, of rows or of blocks.
+    """Adds the tensors of this rank's own cells to a matrix, of rows or of blocks.
 
     ``unit``: the tensors, of the entries of ``pairs``.  Rows and columns that are ``fixed`` (dofs,)
-    stay empty but for a unit diagonal, as DOLFINx assembles them.
+    stay empty but for a unit diagonal, as DOLFINx assembles them.  Cells with a node of another
+    rank are handed to PETSc, which sends what it has to.
     """
 
     def __init__(
         self, grid: Grid, A: PETSc.Mat, unit: UnitTensors, pairs: Pairs, fixed: np.ndarray
     ):
         self._unit, self._pairs, self._axes = unit, pairs.of, grid.axes
-        self._symmetric, self._blocks = pairs.symmetric, Blocks(A, grid.dim)
+        self._symmetric, self._blocks = pairs.symmetric, Blocks(_own(A), grid.dim)
         # from an entry of a block to the one below, and to the one beside it
         self._steps = self._blocks.down, self._blocks.along
-        self._nodes = dolfinx_versions.cell_dofs(grid.space)
-        self._place = np.empty((grid.cells, len(pairs.of), 2), dtype=np.uint32)
-        _find(self._nodes, pairs.of, self._blocks.of, self._place)
-        self._blank, self._one = _of_fixed(self._blocks.of, fixed.reshape(-1, grid.dim))
+        self._nodes, owned = dolfinx_versions.cell_dofs(grid.space), len(self._blocks.start) - 1
+        self._inner = (self._nodes < owned).all(axis=1)
+        self._inner[grid.owned_cells :] = False
+        self._own_cells = grid.owned_cells
+        self._place = np.zeros((grid.cells, len(pairs.of), 2), dtype=np.uint32)
+        _find(self._nodes, pairs.of, self._inner, self._blocks.of, self._place)
+        self._fixed = fixed.reshape(-1, grid.dim)
+        self._blank, self._one = _of_fixed(self._blocks.of, self._fixed)
+        self._cells: np.ndarray | None = None
 
     def add(self, A: PETSc.Mat, cells: np.ndarray) -> None:
         """Add the tensors of cells (n,), of what their fields are now."""
         self._unit.refresh()
+        inner, edge = self._parted(cells)
         where = self._place, self._nodes, self._pairs
-        with self._blocks.values(A) as values:
-            given = self._unit.by_kind(cells), self._unit.arguments()
+        own = _own(A)
+        with self._blocks.values(own) as values:
+            given = self._unit.by_kind(inner), self._unit.arguments()
             _add(self._axes, *given, where, self._steps, self._symmetric, values)
             values[self._blank] = 0.0
             values[self._one] = 1.0
+        if own is not A:
+            A.stateIncrease()
+            self._hand_over(A, edge)
+
+    def _parted(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Those of the cells whose nodes are all of this rank, and its others."""
+        if self._inner.all():
+            return cells, cells[:0]
+        if self._cells is not cells:
+            mine = cells[cells < self._own_cells]
+            inner = self._inner[mine]
+            self._cells, self._split = cells, (mine[inner], mine[~inner])
+        return self._split
+
+    def _hand_over(self, A: PETSc.Mat, cells: np.ndarray) -> None:
+        """Add the tensors of cells (n,) as PETSc adds them."""
+        nodes = self._nodes[cells]
+        matrices = self._unit.of_cells(cells)
+        (n, corners), size = nodes.shape, self._fixed.shape[1]
+        # entries are those of pairs of nodes, column by column
+        blocks = matrices.reshape(n, len(self._pairs), size, size).transpose(0, 1, 3, 2)
+        whole = np.empty((n, corners, size, corners, size))
+        for (i, j), block in zip(self._pairs, blocks.transpose(1, 0, 2, 3), strict=True):
+            whole[:, i, :, j] = block
+            if self._symmetric:
+                whole[:, j, :, i] = block.transpose(0, 2, 1)
+        free = ~self._fixed[nodes]
+        whole *= free[:, :, :, None, None] & free[:, None, None]
+        wide = corners * size
+        for at, values in zip(nodes, whole.reshape(n, wide, wide), strict=True):
+            A.setValuesBlockedLocal(at, at, values, PETSc.InsertMode.ADD_VALUES)
+
+
+def _own(A: PETSc.Mat) -> PETSc.Mat:
+    """The part of a matrix that couples this rank's nodes with one another."""
+    return A if A.comm.size == 1 else A.getDiagonalBlock()
 
 
 @jit
@@ -96,11 +140,13 @@ def _write(axes, cells, found, where, steps, symmetric, values):
 
 
 @jit
-def _find(nodes, pairs, blocks, place):
-    """Where the blocks of each cell's pairs of nodes, and of those turned round, begin:
-    ``place`` (cells, m, 2); ``blocks`` is ``Blocks.of``."""
+def _find(nodes, pairs, inner, blocks, place):
+    """Where the blocks of pairs of nodes, and of those turned round, begin, of the cells that are
+    ``inner`` (cells,): ``place`` (cells, m, 2); ``blocks`` is ``Blocks.of``."""
     start, near, _, layout = blocks
     for c in range(len(nodes)):
+        if not inner[c]:
+            continue
         for p in range(len(pairs)):
             for turned in range(2):
                 i, j = nodes[c, pairs[p, turned]], nodes[c, pairs[p, 1 - turned]]

@@ -19,9 +19,9 @@ class Tangent:
     """The derivative of virtual ``work`` by the motion's u, and what is one already, a bilinear
     form ``stiffness``: over the cells of the motion's region and on whatever terms add.
 
-    ``form``: all of it; ``compiled``: the same, as DOLFINx assembles it.  On one rank, what is
-    integrated over the region's cells alone, and is affine in fields as it is written down, goes
-    straight into the matrix (``Insertion``); half of it where it is ``symmetric``.
+    ``form``: all of it; ``compiled``: the same, as DOLFINx assembles it.  What is integrated over
+    the region's cells alone, and is affine in fields as it is written down, goes straight into the
+    matrix (``Insertion``); half of it where it is ``symmetric``.
     """
 
     def __init__(self, motion: Motion, work, stiffness=0, symmetric: bool = False):
@@ -34,8 +34,7 @@ class Tangent:
         )
         self.form = _sum(own, rest)
         self._unit = self._pairs = self._insertion = None
-        alone = POSSIBLE and motion.grid.comm.size == 1 and motion.region.dS is None
-        if own is not None and alone:
+        if own is not None and POSSIBLE and motion.region.dS is None:
             nodes, size = 2**motion.grid.dim, motion.grid.dim
             for half in (True, False) if symmetric else (False,):
                 self._pairs = Pairs(nodes, size, half)
