@@ -84,6 +84,15 @@ def test_pivots_that_break_down_are_shifted_in_rows(dim, tmp_path):
     assert np.abs(found[0] - exact).max() < 1e-7 * np.abs(exact).max()
 
 
+@pytest.mark.parametrize("method", ["gmres", "richardson", "bcgs", "tfqmr"])
+def test_a_users_own_method_gets_nothing_of_gmres(method):
+    """Sand that dilates less than it rubs has an askew matrix."""
+    sand = mpm.MohrCoulomb(mpm.LinearElastic(20e6, 0.25, 1500.0), 5e3, 30.0, 0.0)
+    found = after(sheared(sand, solver=mpm.Solver(petsc={"ksp_type": method}), dt=1e-3), 2)
+    exact = after(sheared(sand, solver=FULL, dt=1e-3), 2)
+    assert np.abs(found - exact).max() < 1e-7 * np.abs(exact).max()
+
+
 def test_gmres_is_stopped_by_the_residual_itself():
     """Undrained sand, of an askew tangent: an incomplete factor that is no good makes all residuals
     small once it is applied to them."""

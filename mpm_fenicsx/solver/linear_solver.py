@@ -20,6 +20,8 @@ UNEVEN = 1e-4
 """Of the largest entry of the diagonal: rows below are such, and all are scaled.  To scale and to
 scale back costs as much as the factor."""
 SCALES = ("ksp_diagonal_scale", "ksp_diagonal_scale_fix")
+OF_GMRES = ("ksp_gmres_restart", "ksp_pc_side")
+"""Not for another method that a user asks for, which may refuse them."""
 BY_ENERGY = ("gamg", "ml", "hypre")
 """They are stopped by the energy of what is left."""
 OF_NODES = ("gamg", "ml")
@@ -48,7 +50,10 @@ def linear_solver(
 
     Raises ``ValueError`` for options that PETSc does not take.
     """
-    chosen = {**suited, **(options or {})}
+    options = options or {}
+    if options.get("ksp_type", suited["ksp_type"]) != suited["ksp_type"]:
+        suited = {key: value for key, value in suited.items() if key not in OF_GMRES}
+    chosen = {**suited, **options}
     method, preconditioner = (str(chosen[key]) for key in ("ksp_type", "pc_type"))
     if preconditioner == "jacobi" and method != "cg":
         chosen = {**dict.fromkeys(SCALES, True), **chosen}
