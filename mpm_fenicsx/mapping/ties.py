@@ -74,8 +74,7 @@ class Ties:
         """Tie light nodes to heavy ones (nodes,) through ``cells`` (cells,); whether what is tied
         has changed."""
         shown = np.concatenate((light, heavy, cells))
-        changed = self.grid.comm.allreduce(int(not np.array_equal(shown, self._shown)), op=MPI.MAX)
-        if not changed:
+        if not of_all(self.grid.comm, int(not np.array_equal(shown, self._shown)), MPI.MAX):
             return False
         self._shown = shown
         layers = self._layers(light, heavy, cells)
@@ -84,7 +83,7 @@ class Ties:
             for layer, known in zip(layers, self._known, strict=True)
             for a, b in zip(layer, known, strict=True)
         )
-        if not self.grid.comm.allreduce(int(not same), op=MPI.MAX):
+        if not of_all(self.grid.comm, int(not same), MPI.MAX):
             return False
         before, self._known = self.P, layers
         self._take(self._product(layers))

@@ -477,7 +477,7 @@ class Equilibrium:
         if self._unread:
             names, self._unread = self._unread, []
             warn_of_unread(self.ksp, names)
-        if reason < 0 and self._kind is not None and self._alone:
+        if reason < 0 and self._kind is not None and self._alone and not self.memory[0]:
             self._turn_to_rows()
             reason = self._run(self.ksp)
         if reason < 0 and self.choice.iterates and not self._options:

@@ -56,22 +56,20 @@ class Insertion:
     def add(self, A: PETSc.Mat, cells: np.ndarray) -> None:
         """Add the tensors of cells (n,), of what their fields are now."""
         self._unit.refresh()
-        inner, edge = self._parted(cells)
-        where = self._place, self._nodes, self._pairs
         own = _own(A)
+        inner, edge = (cells, None) if own is A else self._parted(cells)
+        where = self._place, self._nodes, self._pairs
         with self._blocks.values(own) as values:
             given = self._unit.by_kind(inner), self._unit.arguments()
             _add(self._axes, *given, where, self._steps, self._symmetric, values)
             values[self._blank] = 0.0
             values[self._one] = 1.0
-        if own is not A:
+        if edge is not None:
             A.stateIncrease()
             self._hand_over(A, edge)
 
     def _parted(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Those of the cells whose nodes are all of this rank, and its others."""
-        if self._inner.all():
-            return cells, cells[:0]
         if self._cells is not cells:
             mine = cells[cells < self._own_cells]
             inner = self._inner[mine]
