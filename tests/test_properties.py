@@ -47,12 +47,12 @@ LAWS = pytest.mark.parametrize("law", [SOIL, RUBBER], ids=["small strain", "Henc
 
 
 def few(examples):
-    return settings(max_examples=examples // 2, deadline=None, phases=[*WHOLE, Phase.shrink])
+    return settings(max_examples=examples, deadline=None, phases=[*WHOLE, Phase.shrink])
 
 
 def seeds(test):
-    """Two whole scenes, one at random, which cannot be made simpler."""
-    return settings(max_examples=2, deadline=None, phases=WHOLE)(
+    """Three whole scenes at random, which cannot be made simpler."""
+    return settings(max_examples=3, deadline=None, phases=WHOLE)(
         given(seed=st.integers(0, 10**6))(test)
     )
 
